@@ -1,0 +1,1 @@
+"""The wire protocols, pure: bytes and `now` in; bytes, events and the next deadline out. No I/O, no clock."""

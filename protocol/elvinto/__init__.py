@@ -1,0 +1,1 @@
+"""The ElVinto exchange standard, version 11: codec, dialect and engine."""

@@ -1,0 +1,1 @@
+"""The daemon: the only package with an event loop, sockets, a serial port and a clock."""
