@@ -1,0 +1,142 @@
+"""The model: defaults, strictness, and that the example file and the core's own defaults say the same."""
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel, ValidationError
+
+from protocol.elvinto.dialect import Dialect
+from server.config import PROTOCOLS, Config, ElvintoConfig, MachineConfig, MotionConfig, ServerConfig
+
+EXAMPLE = Path(__file__).parents[2] / "config.example.toml"
+
+
+def missing_keys(model: BaseModel, data: dict[str, Any], where: str = "") -> list[str]:
+    missing = []
+    for name in type(model).model_fields:
+        value = getattr(model, name)
+        if name not in data:
+            missing.append(f"{where}{name}")
+        elif isinstance(value, BaseModel):
+            missing += missing_keys(value, data[name], f"{where}{name}.")
+        elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
+            missing += missing_keys(value[0], data[name][0], f"{where}{name}[0].")
+    return missing
+
+
+def test_example_is_the_defaults() -> None:
+    config = Config.model_validate(tomllib.loads(EXAMPLE.read_text(encoding="utf-8")))
+    assert config == Config(
+        server=ServerConfig(), machine=(MachineConfig(name="router", port="/dev/ttyUSB0", protocol="elvinto"),)
+    )
+
+
+def test_example_has_every_key() -> None:
+    data = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
+    missing = missing_keys(Config.model_validate(data), data)
+    assert missing == [f"machine[0].motion.{axis}.travel" for axis in "xyzabc"]
+
+
+def test_example_shows_travel_in_a_line_that_loads_when_uncommented() -> None:
+    line = re.search(r"^# (x = \{.*\})$", EXAMPLE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert line is not None
+    motion = MotionConfig.model_validate(tomllib.loads(line[1]))
+    assert motion.x.travel == (0.0, 600.0)
+
+
+def test_every_key_of_the_example_has_a_comment() -> None:
+    text = EXAMPLE.read_text(encoding="utf-8")
+    bare = [line for line in text.splitlines() if re.match(r"\w+ = [^{]", line) and "#" not in line]
+    assert bare == ["baud = 115200"]
+
+
+def test_defaults_of_the_dialect_are_those_of_the_engine() -> None:
+    assert ElvintoConfig().dialect() == Dialect()
+
+
+def test_dialect_carries_every_key_of_the_engine() -> None:
+    changed = ElvintoConfig(
+        header_name="CRC",
+        crc_radix=16,
+        checksum_scope="gcode",
+        require_header=False,
+        init_acknowledged=False,
+        encoding="cp1251",
+        report_moves=False,
+        retry_interval=0.2,
+        max_retries=3,
+        probe_after=5.0,
+        poll_interval=1.0,
+        position_tolerance=0.1,
+        max_message_bytes=4096,
+    ).dialect()
+    same = [name for name in Dialect.__slots__ if getattr(changed, name) == getattr(Dialect(), name)]
+    assert same == []
+
+
+def test_data_dir_is_expanded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", "/home/mill")
+    assert ServerConfig().data_dir == Path("/home/mill/.local/share/millstream")
+    assert ServerConfig.model_validate({"data_dir": "~/x"}).data_dir == Path("/home/mill/x")
+
+
+@pytest.mark.parametrize(
+    "port",
+    [
+        "/dev/ttyUSB0",
+        "/dev/serial/by-id/usb-FTDI_A1-if00-port0",
+        "COM3",
+        "tcp://mill.local:4000",
+        "tcp://[::1]:4000",
+        "sim:",
+        "sim:?speed_factor=20",
+    ],
+)
+def test_ports_that_are_taken(port: str) -> None:
+    assert MachineConfig(name="m", port=port).port == port
+
+
+@pytest.mark.parametrize(
+    "port", ["", " /dev/ttyUSB0", "tcp://mill", "tcp://:4000", "tcp://mill:0", "tcp://mill:65536", "http://x", "sim:x"]
+)
+def test_ports_that_are_refused(port: str) -> None:
+    with pytest.raises(ValidationError):
+        MachineConfig(name="m", port=port)
+
+
+@pytest.mark.parametrize("name", ["", "Router", "a b", "a/b", "a_b", "x" * 65, "мельница", "a\n"])
+def test_names_that_are_refused(name: str) -> None:
+    with pytest.raises(ValidationError):
+        MachineConfig(name=name, port="sim:")
+
+
+def test_two_machines_may_not_share_a_name() -> None:
+    with pytest.raises(ValidationError, match="a name of its own"):
+        Config(machine=(MachineConfig(name="a", port="sim:"), MachineConfig(name="a", port="sim:")))
+
+
+def test_two_machines_may_not_share_a_port() -> None:
+    with pytest.raises(ValidationError, match="a port of its own"):
+        Config(machine=(MachineConfig(name="a", port="/dev/x"), MachineConfig(name="b", port="/dev/x")))
+
+
+def test_virtual_machines_may_share_theirs() -> None:
+    machines = (MachineConfig(name="a", port="sim:"), MachineConfig(name="b", port="sim:"))
+    assert Config(machine=machines).machine == machines
+
+
+def test_largest_batch_fits_a_message_even_as_base64() -> None:
+    with pytest.raises(ValidationError, match="at most 84"):
+        ElvintoConfig(max_message_bytes=128, max_batch_bytes=85)
+    assert ElvintoConfig(max_message_bytes=128, max_batch_bytes=84).max_batch_bytes == 84
+
+
+def test_every_protocol_has_its_section_in_the_model() -> None:
+    assert {entry.section for entry in PROTOCOLS.values()} <= set(MachineConfig.model_fields)
+
+
+def test_machine_knows_its_profile() -> None:
+    assert MachineConfig(name="m", port="sim:").profile == "elvinto"
