@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from gcode.motion import DEFAULT_ACCELERATION_MM_S2, DEFAULT_RATE_MM_MIN, Motion
+from protocol.elvinto.dialect import Dialect
+
 if TYPE_CHECKING:
-    from gcode.motion import Motion
     from jobs.batch import BatchLimits
-    from protocol.elvinto.dialect import Dialect
 
 DEFAULT_DATA_DIR = "~/.local/share/millstream"
 
@@ -146,10 +147,8 @@ class ElvintoConfig(Section):
             raise refused("max_batch_bytes", self.max_batch_bytes, allowed)
         return self
 
-    def dialect(self) -> "Dialect":
+    def dialect(self) -> Dialect:
         """The part of these keys that the protocol engine obeys."""
-        from protocol.elvinto.dialect import Dialect
-
         return Dialect(
             header_name=self.header_name,
             crc_radix=self.crc_radix,
@@ -180,8 +179,8 @@ class ElvintoConfig(Section):
 class AxisConfig(Section):
     """One axis of `[machine.motion]`. Without `travel` its reach is not checked."""
 
-    max_rate: Annotated[float, Field(gt=0, le=1_000_000)] = 3000.0
-    acceleration: Annotated[float, Field(gt=0, le=1_000_000)] = 200.0
+    max_rate: Annotated[float, Field(gt=0, le=1_000_000)] = DEFAULT_RATE_MM_MIN
+    acceleration: Annotated[float, Field(gt=0, le=1_000_000)] = DEFAULT_ACCELERATION_MM_S2
     travel: Travel | None = None
 
     @model_validator(mode="after")
@@ -205,15 +204,13 @@ class MotionConfig(Section):
         """The axes by name."""
         return {name: getattr(self, name) for name in type(self).model_fields}
 
-    def motion(self) -> "Motion":
+    def motion(self) -> Motion:
         """The same for the core."""
-        from gcode.motion import Motion
-
         axes = self.axes()
         return Motion(
-            max_rate_mm_min={name: axis.max_rate for name, axis in axes.items()},
-            acceleration_mm_s2={name: axis.acceleration for name, axis in axes.items()},
-            travel_mm={name: axis.travel for name, axis in axes.items() if axis.travel is not None},
+            max_rate={name: axis.max_rate for name, axis in axes.items()},
+            acceleration={name: axis.acceleration for name, axis in axes.items()},
+            travel={name: axis.travel for name, axis in axes.items() if axis.travel is not None},
         )
 
 

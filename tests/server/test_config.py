@@ -77,6 +77,12 @@ def test_dialect_carries_every_key_of_the_engine() -> None:
     assert same == []
 
 
+def test_motion_is_handed_on_and_an_axis_without_travel_is_left_out() -> None:
+    motion = MotionConfig.model_validate({"x": {"max_rate": 6000, "acceleration": 400, "travel": [0, 300]}}).motion()
+    assert (motion.rate_mm_min("x"), motion.acceleration_mm_s2("x"), motion.travel) == (6000, 400, {"x": (0, 300)})
+    assert (motion.rate_mm_min("y"), motion.acceleration_mm_s2("y")) == (3000, 200)
+
+
 def test_data_dir_is_expanded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", "/home/mill")
     assert ServerConfig().data_dir == Path("/home/mill/.local/share/millstream")
