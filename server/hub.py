@@ -1,0 +1,225 @@
+"""Fan-out of events to the readers of the WebSocket: sequence numbers, coalescing, replay, and the cutting of slow readers.
+
+Not a socket (that is `server/ws.py`) and not a store: the history is in the database. It lives on the loop's thread.
+The one rule: `publish` never waits and never grows. A reader that does not read loses states first, console lines
+next, and then its connection; it never slows the stream.
+"""
+
+import asyncio
+from collections import Counter, deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from server.jsontext import dumps
+
+STATE = "state"
+CONSOLE = "console"
+TOPICS = (STATE, "job", "queue", CONSOLE, "alarm", "tool", "io", "program", "log")
+"""What can be subscribed to; `hello` and `result` come by themselves."""
+
+REPLAY_LIMIT = 4096
+"""Messages kept for `since=`; a reader that was away for longer gets `resync` and a snapshot."""
+QUEUE_LIMIT = 1024
+"""Messages waiting for one reader; at the next one its connection is cut. It can come back with `since=`."""
+QUEUE_LIMIT_BYTES = 4 * 1024 * 1024
+"""The same bound in bytes, because a console line may be 8 KiB long."""
+CONSOLE_LIMIT = QUEUE_LIMIT // 2
+"""From this many waiting messages on, console lines for this reader are left out (and counted)."""
+DEFAULT_RATE_HZ = 20.0
+
+
+def utc_now() -> datetime:
+    """The wall clock, for time stamps that people and scripts read."""
+    return datetime.now(UTC)
+
+
+def rfc3339(at: datetime) -> str:
+    """A time as api.md writes it: UTC with milliseconds and `Z`."""
+    return at.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One event, with the text that goes to every reader (encoded once)."""
+
+    seq: int
+    type: str
+    machine: str | None
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """What a reader wants. Empty `machines` means all; `rate_hz` bounds its state messages a second, of all machines."""
+
+    topics: frozenset[str] = frozenset(TOPICS)
+    machines: frozenset[str] = frozenset()
+    rate_hz: float = DEFAULT_RATE_HZ
+
+    def takes(self, message: Message) -> bool:
+        """Whether this reader is to get `message`. What concerns no machine concerns everybody."""
+        if message.type not in self.topics:
+            return False
+        return not self.machines or message.machine is None or message.machine in self.machines
+
+
+class CutError(Exception):
+    """This reader was disconnected by the hub; `str()` says why."""
+
+
+class Subscription:
+    """The messages that wait for one reader."""
+
+    def __init__(self, wanted: Filter) -> None:
+        self.wanted = wanted
+        self.left_out = 0
+        self._waiting: deque[str] = deque()
+        self._waiting_bytes = 0
+        self._states: dict[str | None, Message] = {}
+        self._state_due_at = 0.0
+        self._wake = asyncio.Event()
+        self._cut = asyncio.Event()
+        self._cut_reason = ""
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the hub has given this reader up."""
+        return self._cut.is_set()
+
+    def offer(self, message: Message) -> None:
+        """Take a published message, if this reader wants it; never waits."""
+        if self.is_cut or not self.wanted.takes(message):
+            return
+        if message.type == STATE:
+            # The newest state takes the place of the one that still waits: never a backlog.
+            self._states[message.machine] = message
+            self._wake.set()
+        elif message.type == CONSOLE and len(self._waiting) >= CONSOLE_LIMIT:
+            self.left_out += 1
+        else:
+            self.push(message.text)
+
+    def push(self, text: str) -> None:
+        """Queue a text for this reader alone (an answer to its own command), after what already waits."""
+        if len(self._waiting) >= QUEUE_LIMIT or self._waiting_bytes + len(text) > QUEUE_LIMIT_BYTES:
+            self.cut("it does not read fast enough")
+            return
+        self._waiting.append(text)
+        self._waiting_bytes += len(text)
+        self._wake.set()
+
+    def cut(self, reason: str) -> None:
+        """Give the reader up and free what waits for it."""
+        if self.is_cut:
+            return
+        self._cut_reason = reason
+        self._waiting.clear()
+        self._states.clear()
+        self._cut.set()
+        self._wake.set()
+
+    def narrow(self, wanted: Filter) -> None:
+        """Change what this reader gets from now on."""
+        self.wanted = wanted
+        self._states = {key: held for key, held in self._states.items() if wanted.takes(held)}
+
+    async def next(self) -> str:
+        """The next text to send. Raises CutError when the hub has given this reader up."""
+        loop = asyncio.get_running_loop()
+        while True:
+            if self.is_cut:
+                raise CutError(self._cut_reason)
+            if self._waiting:
+                text = self._waiting.popleft()
+                self._waiting_bytes -= len(text)
+                return text
+            wait_s = None
+            if self._states:
+                wait_s = self._state_due_at - loop.time()
+                if wait_s <= 0:
+                    self._state_due_at = loop.time() + 1.0 / self.wanted.rate_hz
+                    return self._states.pop(next(iter(self._states))).text
+            self._wake.clear()
+            try:
+                async with asyncio.timeout(wait_s):
+                    await self._wake.wait()
+            except TimeoutError:
+                continue
+
+    async def until_cut(self) -> None:
+        """Returns when the hub gives this reader up."""
+        await self._cut.wait()
+
+
+class Hub:
+    """Where everything that happens is announced.
+
+    `clock` gives the time stamps. Sequence numbers begin at the clock's milliseconds, so that they go on rising
+    over a restart of the daemon and a `since=` from before it is recognised as too old.
+    """
+
+    def __init__(self, *, clock: Callable[[], datetime] = utc_now, first_seq: int | None = None) -> None:
+        self._clock = clock
+        self._seq = int(clock().timestamp() * 1000) if first_seq is None else first_seq
+        self._forgotten_seq = self._seq
+        self._kept: deque[Message] = deque()
+        self._subscriptions: set[Subscription] = set()
+        self.published: Counter[str] = Counter()
+        self.cut_readers = 0
+
+    @property
+    def seq(self) -> int:
+        """The number of the last message."""
+        return self._seq
+
+    @property
+    def readers(self) -> int:
+        """How many readers are connected."""
+        return len(self._subscriptions)
+
+    def publish(self, type: str, machine: str | None, data: dict[str, Any]) -> int:  # noqa: A002 - the word of api.md
+        """Announce something; its sequence number. Never waits for a reader."""
+        self._seq += 1
+        message = Message(self._seq, type, machine, self.envelope(type, data, machine=machine, seq=self._seq))
+        self.published[type] += 1
+        if type not in (STATE, CONSOLE):
+            self._keep(message)
+        for subscription in self._subscriptions:
+            subscription.offer(message)
+        return self._seq
+
+    def envelope(
+        self,
+        type: str,  # noqa: A002
+        data: dict[str, Any],
+        *,
+        machine: str | None = None,
+        seq: int,
+    ) -> str:
+        """A message as it goes over the wire (api.md, WebSocket)."""
+        at = rfc3339(self._clock())
+        return dumps({"seq": seq, "type": type, "machine": machine, "at": at, "data": data})
+
+    def subscribe(self, wanted: Filter) -> Subscription:
+        """A new reader; it gets what is published from now on. Pair with `unsubscribe`."""
+        subscription = Subscription(wanted)
+        self._subscriptions.add(subscription)
+        return subscription
+
+    def unsubscribe(self, subscription: Subscription) -> None:
+        """The reader has gone, or was cut."""
+        self._subscriptions.discard(subscription)
+        self.cut_readers += subscription.is_cut
+
+    def missed(self, since: int, wanted: Filter) -> Iterable[str] | None:
+        """The texts of what was published after `since` and never dropped; None when that is no longer known."""
+        if not self._forgotten_seq <= since <= self._seq:
+            return None
+        return [kept.text for kept in self._kept if kept.seq > since and wanted.takes(kept)]
+
+    def _keep(self, message: Message) -> None:
+        self._kept.append(message)
+        if len(self._kept) > REPLAY_LIMIT:
+            self._forgotten_seq = self._kept.popleft().seq

@@ -1,0 +1,157 @@
+"""What Prometheus can ask: plain counters where things happen, read when somebody scrapes.
+
+Not a monitoring system and not the state of a machine (`/api/v1/machines`). The one rule: counting costs an addition,
+never a lock, a label look-up or a wait; the names of metrics are put together here alone.
+"""
+
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Protocol
+
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.metrics_core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    Metric,
+)
+
+from server.hub import Hub
+
+MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+
+ACK_LATENCY_BUCKETS_S = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0)
+"""0.2 to 0.4 s is where the standard's retransmission begins (elvinto §5): the buckets are fine below it."""
+BATCH_BUCKETS_S = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0)
+
+
+class Histogram:
+    """Counts of samples by upper bound, in seconds."""
+
+    def __init__(self, bounds: Sequence[float]) -> None:
+        self._bounds = tuple(bounds)
+        self._counts = [0] * (len(self._bounds) + 1)
+        self.total = 0.0
+
+    def observe(self, value_s: float) -> None:
+        """One sample."""
+        self._counts[bisect_left(self._bounds, value_s)] += 1
+        self.total += value_s
+
+    @property
+    def count(self) -> int:
+        """How many samples there were."""
+        return sum(self._counts)
+
+    def cumulative(self) -> list[tuple[str, float]]:
+        """Upper bound and how many samples are not above it, as Prometheus wants them."""
+        running = 0
+        buckets = []
+        for bound, count in zip((*map(str, self._bounds), "+Inf"), self._counts, strict=True):
+            running += count
+            buckets.append((bound, float(running)))
+        return buckets
+
+
+class MachineMetrics:
+    """What a machine's controller counts."""
+
+    def __init__(self) -> None:
+        self.link_errors: Counter[str] = Counter()
+        """By kind: `protocol.events.ProtocolFault.kind`, and `lost` for each broken epoch."""
+        self.retries = 0
+        self.connects = 0
+        self.batches = 0
+        self.blocks = 0
+        self.inferred = 0
+        self.ack_latency = Histogram(ACK_LATENCY_BUCKETS_S)
+        """First byte handed to the wire → RECEIVED."""
+        self.batch_seconds = Histogram(BATCH_BUCKETS_S)
+        """First byte handed to the wire → OK."""
+
+
+class CountedMachine(Protocol):
+    """What is read of a machine."""
+
+    @property
+    def metrics(self) -> MachineMetrics: ...
+    def view(self) -> dict[str, object]: ...
+
+
+class Collector:
+    """Reads the counters when Prometheus comes."""
+
+    def __init__(self, machines: Mapping[str, CountedMachine], hub: Hub, jobs_by_status: Mapping[str, int]) -> None:
+        self._machines = machines
+        self._hub = hub
+        self._jobs_by_status = jobs_by_status
+
+    def collect(self) -> Iterator[Metric]:
+        """The families, for prometheus-client."""
+        yield from self._link()
+        yield from self._batches()
+        yield from self._gauges()
+        yield from self._fan_out()
+
+    def _link(self) -> Iterator[Metric]:
+        errors = CounterMetricFamily(
+            "millstream_link_errors", "What went wrong on the wire.", labels=("machine", "kind")
+        )
+        for name, machine in self._machines.items():
+            for kind, count in sorted(machine.metrics.link_errors.items()):
+                errors.add_metric((name, kind), count)
+        yield errors
+        yield self._counter("link_retries", "Messages sent again.", lambda counted: counted.retries)
+        yield self._counter("link_connects", "Connections that became ready.", lambda counted: counted.connects)
+
+    def _batches(self) -> Iterator[Metric]:
+        yield self._counter("batches", "Batches executed.", lambda counted: counted.batches)
+        yield self._counter("blocks", "Blocks of G-code executed.", lambda counted: counted.blocks)
+        yield self._counter(
+            "batches_inferred", "Batches whose end was concluded from other evidence.", lambda counted: counted.inferred
+        )
+        yield self._histogram("ack_latency_seconds", "Sent until RECEIVED.", lambda counted: counted.ack_latency)
+        yield self._histogram("batch_seconds", "Sent until OK.", lambda counted: counted.batch_seconds)
+
+    def _gauges(self) -> Iterator[Metric]:
+        connected = GaugeMetricFamily("millstream_connected", "1 while the link is connected.", labels=("machine",))
+        queue = GaugeMetricFamily("millstream_queue_length", "Jobs that wait.", labels=("machine",))
+        for name, machine in self._machines.items():
+            view = machine.view()
+            connected.add_metric((name,), float(view["link"] == "connected"))
+            queue.add_metric((name,), float(str(view["queue_length"])))
+        jobs = GaugeMetricFamily("millstream_jobs", "Jobs by status.", labels=("status",))
+        for status, count in sorted(self._jobs_by_status.items()):
+            jobs.add_metric((status,), count)
+        yield from (connected, queue, jobs)
+
+    def _fan_out(self) -> Iterator[Metric]:
+        events = CounterMetricFamily("millstream_events", "Events announced.", labels=("type",))
+        for type_, count in sorted(self._hub.published.items()):
+            events.add_metric((type_,), count)
+        yield events
+        yield GaugeMetricFamily("millstream_websocket_clients", "WebSocket readers connected.", self._hub.readers)
+        yield CounterMetricFamily(
+            "millstream_websocket_clients_dropped", "WebSocket readers cut because they did not read.", self._hub.cut_readers
+        )
+
+    def _counter(self, name: str, text: str, read: Callable[[MachineMetrics], int]) -> Metric:
+        family = CounterMetricFamily(f"millstream_{name}", text, labels=("machine",))
+        for machine, control in self._machines.items():
+            family.add_metric((machine,), read(control.metrics))
+        return family
+
+    def _histogram(self, name: str, text: str, read: Callable[[MachineMetrics], Histogram]) -> Metric:
+        family = HistogramMetricFamily(f"millstream_{name}", text, labels=("machine",))
+        for machine, control in self._machines.items():
+            histogram = read(control.metrics)
+            family.add_metric((machine,), histogram.cumulative(), histogram.total)
+        return family
+
+
+def exposition(machines: Mapping[str, CountedMachine], hub: Hub, jobs_by_status: Mapping[str, int]) -> bytes:
+    """The text that GET /metrics answers. The registry lives for this one answer: nothing is global."""
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(Collector(machines, hub, jobs_by_status))
+    return generate_latest(registry)
