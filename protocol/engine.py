@@ -4,6 +4,7 @@ An engine lives for one connection epoch. The shell writes `data_to_send`, drain
 from `next_timer`, and does so after every input. Time comes in as `now` (seconds, monotonic); deadlines go out.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -26,10 +27,13 @@ class OpenWork:
 
     `start` is where the machine stood before the first of them. `batches` may be empty: a job is under way but
     everything sent is known to be done. Without OpenWork nothing is under way and the machine is initialised.
+    `move_until` (the shell's clock): up to then a batch that may never have arrived may be sent again to settle its
+    fate; afterwards nothing that could move the machine goes out (elvinto §5.5).
     """
 
     batches: tuple[SendBatch, ...]
     start: Position = field(default_factory=dict)
+    move_until: float = -math.inf
 
 
 class Engine(Protocol):

@@ -1,0 +1,167 @@
+"""The lowest layer of the engine: one exchange at a time, its tries, and the way back to idle.
+
+Above it stand `flights.py` (commands), `settling.py` (lost fates) and `engine.py` (the five verbs and what messages
+mean); each layer is one story, all of them one object. The one rule of this layer: exactly one deadline.
+"""
+
+import math
+from collections import deque
+
+from protocol.commands import Position
+from protocol.elvinto.codec import printable
+from protocol.elvinto.dialect import Dialect
+from protocol.elvinto.ids import Ids
+from protocol.elvinto.phases import STEPS, Flight, Phase, Turn
+from protocol.elvinto.reports import LOCKED, FileListing
+from protocol.elvinto.settle import Case
+from protocol.elvinto.wire import Wire
+from protocol.events import BatchDone, CommandFailed, Event, LinkLost, LinkReady, MessageSeen
+
+SLOWEST_ASK_S = 2.0
+"""Queries under fresh IDs are spaced out up to this, so that answers slower than the interval find their question."""
+
+
+class Exchange:
+    """State of the whole engine and the means to send, to try again, to be idle and to give up."""
+
+    def __init__(self, dialect: Dialect, first_id: int, baud: int) -> None:
+        self._dialect = dialect
+        self._wire = Wire(dialect, baud)
+        self._ids = Ids(first_id)
+        self._events: deque[Event] = deque()
+        self._phase = Phase.IDLE
+        self._deadline: float | None = None
+        self._heard_at = -math.inf
+        self._standing: Position = {}  # where the machine stands while nothing runs, as far as known
+        self._turn: Turn | None = None
+        self._flight: Flight | None = None
+        self._case: Case | None = None
+        self._listing: FileListing | None = None
+        self._query_token: int | None = None  # of a Locate, ListFiles or AskToolChange
+        self._unlocated: BatchDone | None = None  # its OK came, its position is being asked for
+        self._emergency: Turn | None = None
+        self._emergency_tokens: list[int] = []
+        self._greetings = 0  # READYs sent and not answered
+        self._alarmed = False
+        self._file_idle_reports = 0
+        self._ready = False  # LinkReady was reported
+        self._initialised = False
+
+    def _emit(self, event: Event) -> None:
+        self._events.append(event)
+
+    def _send(self, message: bytes, id: int, *, urgent: bool = False) -> float:
+        """Queue a frame; answers the seconds that it takes on the line."""
+        wire_s = self._wire.send(message, id, urgent=urgent)
+        self._emit(MessageSeen(">", printable(message)))
+        return wire_s
+
+    def _enter(self, phase: Phase, now: float) -> None:
+        """Begin the exchange of a phase that stands in STEPS."""
+        self._phase = phase
+        self._turn = Turn(STEPS[phase])
+        self._try(now)
+        if phase is Phase.INIT and not self._dialect.init_acknowledged:
+            self._enter(Phase.GREET, now)
+
+    def _enter_next(self, now: float) -> None:
+        """The exchange has had its answer: the phase that the table names."""
+        assert self._turn is not None
+        phase = self._turn.step.then
+        if phase is Phase.REPORT and not self._dialect.report_moves:
+            phase = STEPS[phase].then
+        self._enter(phase, now)
+
+    def _try(self, now: float) -> None:
+        """Send the phase's message once (more)."""
+        assert self._turn is not None
+        turn, step = self._turn, self._turn.step
+        if step.ids == "probe":
+            id = self._ids.probe()
+        elif step.ids == "fresh" or not turn.ids:
+            id = self._ids.take(len(turn.ids))
+        else:
+            id = turn.ids[0]
+        if step.awaits == "ready":
+            self._greetings += 1
+        turn.ids.append(id)
+        if step.ids == "fresh":  # the answer to this try counts, not to one before it
+            turn.acked, turn.state = False, None
+        wait_s = self._dialect.retry_interval_s
+        if step.ids == "fresh":
+            wait_s = max(wait_s, min(wait_s * (1 + len(turn.ids)) / 2, SLOWEST_ASK_S))
+        self._deadline = now + self._send(step.message, id) + wait_s
+
+    def _try_again(self, now: float) -> None:
+        """No answer in time: once more, or what the table says of silence."""
+        assert self._turn is not None
+        step = self._turn.step
+        if step.awaits == "ack" and self._turn.acked:
+            self._enter_next(now)  # RECEIVED came, OK was lost
+        elif len(self._turn.ids) < (self._dialect.max_retries if step.tries is None else step.tries):
+            self._try(now)
+        elif step.on_silence is Phase.CLOSED:
+            self._close("the machine does not answer")
+        elif step.on_silence is Phase.IDLE:
+            self._fail_query("the machine did not answer; try again")
+            self._go_idle(now)
+        else:
+            self._enter(step.on_silence, now)
+
+    def _enter_idle(self) -> None:
+        self._phase, self._turn, self._deadline = Phase.IDLE, None, None
+
+    def _go_idle(self, now: float) -> None:
+        """Nothing is on the wire. What must be proven before the next command is proven first."""
+        self._enter_idle()
+        if not self._ready:
+            self._ready = True
+            self._emit(LinkReady())
+        if self._alarmed or self._emergency is not None:
+            return
+        if not self._ids.proven:
+            self._enter(Phase.SYNC, now)
+        elif self._dialect.poll_interval_s > 0:
+            self._deadline = now + self._dialect.poll_interval_s
+
+    def _poll(self, now: float) -> None:
+        """Nothing was heard for a while: a question that moves nothing shows whether the machine is there."""
+        self._enter(Phase.SYNC, now)
+
+    def _lock(self, now: float) -> None:
+        """READY is answered and nothing is executed: an alarm whose STATE was lost or came before this epoch."""
+        self._alarmed = True
+        self._ids.doubt()
+        self._emit(LOCKED)
+        self._fail_query("the machine is in alarm")
+        self._go_idle(now)
+
+    def _fail_query(self, why: str) -> None:
+        """A query by hand that cannot be answered any more."""
+        self._listing = None
+        if self._query_token is not None:
+            token, self._query_token = self._query_token, None
+            self._emit(CommandFailed(token, None, why))
+
+    def _report_unlocated(self, position: Position) -> None:
+        """The batch whose position was asked for is done in any case: its OK came."""
+        if self._unlocated is not None:
+            done, self._unlocated = self._unlocated, None
+            self._emit(BatchDone(done.id, done.inferred, position or None))
+
+    def _close(self, reason: str) -> None:
+        """Give the link up. What was open stays open: the next epoch settles it."""
+        self._report_unlocated({})
+        self._fail_query("the link was lost")
+        if self._flight is not None and self._flight.token is not None:
+            self._emit(
+                CommandFailed(self._flight.token, None, "the link was lost; whether it was executed is not known")
+            )
+        if self._emergency is not None:
+            self._emergency = None
+            for token in self._emergency_tokens:
+                self._emit(CommandFailed(token, None, "the machine does not answer: use its own emergency button"))
+            self._emergency_tokens.clear()
+        self._enter_idle()
+        self._phase = Phase.CLOSED
+        self._emit(LinkLost(reason))

@@ -1,0 +1,234 @@
+"""Commands on their way: sent, RECEIVED, OK. Second layer of the engine (see `exchange.py`).
+
+The one rule: the same bytes under the same ID until RECEIVED (elvinto §5), and never a second copy of something that
+moves without a restart probe in between.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from typing import Literal
+
+from protocol.commands import SendBatch
+from protocol.elvinto.codec import encode_gcode
+from protocol.elvinto.exchange import Exchange
+from protocol.elvinto.phases import STEPS, Flight, Phase
+from protocol.elvinto.settle import Case, possible
+from protocol.errors import LocalError, MessageTooLongError
+from protocol.events import (
+    BatchDone,
+    BatchFailed,
+    BatchReceived,
+    BatchSent,
+    CommandDone,
+    CommandFailed,
+    ProgramEnded,
+    StateReported,
+)
+
+IDLE_REPORTS_OF_AN_END = 2
+"""STATE `idle` on so many consecutive reports after RECEIVED means that the command has ended (elvinto §5.3)."""
+
+
+class Flights(Exchange, ABC):
+    """What is in flight, at most one command."""
+
+    def _submit_batch(self, batch: SendBatch, now: float) -> None:
+        if batch.id != self._ids.next:
+            raise LocalError(f"batch {batch.id} is out of turn: the next ID is {self._ids.next}")
+        if self._alarmed:
+            raise LocalError("a batch was submitted while the machine is in alarm")
+        self._take_off(Flight(batch, encode_gcode(batch.blocks), dict(self._standing)), now)
+
+    def _submit_message(
+        self,
+        message: bytes,
+        now: float,
+        *,
+        token: int,
+        kind: Literal["gcode", "alarm", "file"],
+        blocks: tuple[str, ...] = (),
+        expected_s: float = 1.0,
+    ) -> None:
+        batch = SendBatch(self._ids.next, blocks, expected_s)
+        self._take_off(Flight(batch, message, dict(self._standing), token, kind), now)
+
+    def _take_off(self, flight: Flight, now: float) -> None:
+        self._flight = flight
+        self._send_flight(now)  # raises MessageTooLongError before anything has changed
+        self._ids.take()
+
+    def _send_flight(self, now: float) -> None:
+        flight = self._flight
+        assert flight is not None
+        try:
+            wire_s = self._send(flight.message, flight.id)
+        except MessageTooLongError:
+            self._flight = None
+            raise
+        self._phase, self._turn = Phase.SENT, None
+        flight.attempts += 1
+        if flight.attempts == 1:
+            flight.sent_at = now
+        if flight.token is None:
+            self._emit(BatchSent(flight.id, flight.attempts))
+        flight.probed = flight.repeatable
+        self._deadline = now + wire_s + self._dialect.retry_interval_s * (1.0 if flight.probed else 0.5)
+
+    def _on_flight_unheard(self, now: float) -> None:
+        """No RECEIVED in time. Half-way to the repetition a restart probe goes out: a machine that has restarted
+        would take the repetition for a new command and execute it somewhere else."""
+        flight = self._flight
+        assert flight is not None
+        if not flight.probed:
+            flight.probed = True
+            wire_s = self._send(STEPS[Phase.PROBE].message, self._ids.probe())
+            self._deadline = now + wire_s + self._dialect.retry_interval_s / 2
+        elif flight.attempts <= self._dialect.max_retries:
+            self._send_flight(now)
+        else:
+            self._give_up_flight(flight, now)
+
+    def _give_up_flight(self, flight: Flight, now: float) -> None:
+        """`max_retries` repetitions without RECEIVED (elvinto §5.4)."""
+        if self._case is not None:
+            self._ask(now)
+        elif self._heard_at < flight.sent_at:
+            self._close("the machine does not answer")
+        elif flight.kind == "gcode":
+            self._open_case(Case((flight.batch,), flight.start, math.inf), now)
+        else:
+            assert flight.token is not None
+            self._flight = None
+            self._ids.doubt()
+            self._emit(CommandFailed(flight.token, None, "the machine did not answer; try again"))
+            self._go_idle(now)
+
+    @abstractmethod
+    def _open_case(self, case: Case, now: float) -> None:
+        """Find out what happened to batches (`settling.py`)."""
+
+    @abstractmethod
+    def _settle_next(self, now: float) -> None:
+        """A repeated batch of the open case is done: go on with the case (`settling.py`)."""
+
+    @abstractmethod
+    def _ask(self, now: float) -> None:
+        """Ask where the machine stands, to settle the open case (`settling.py`)."""
+
+    def _flight_received(self, now: float) -> None:
+        flight = self._flight
+        assert flight is not None
+        if flight.kind == "file":
+            self._file_accepted(flight, now)
+            return
+        if flight.token is None:
+            self._emit(BatchReceived(flight.id))
+        flight.received_at = now
+        self._phase = Phase.RUNNING
+        self._deadline = now + flight.batch.expected_s + self._dialect.probe_after_s
+
+    def _on_flight_quiet(self, now: float) -> None:
+        """RECEIVED came, OK did not: after `probe_after` of silence its end is asked for (elvinto §5.3)."""
+        flight = self._flight
+        assert flight is not None
+        assert flight.received_at is not None
+        due = max(flight.received_at + flight.batch.expected_s, self._heard_at) + self._dialect.probe_after_s
+        if now < due:
+            self._deadline = due
+        elif self._case is not None:
+            self._ask(now)
+        else:
+            self._open_case(Case((flight.batch,), flight.start, math.inf, accepted=True), now)
+
+    def _flight_idle(self, report: StateReported, now: float) -> None:
+        """STATE `idle` while a command is in flight."""
+        flight = self._flight
+        assert flight is not None
+        if self._phase is Phase.SENT:
+            if flight.probed and flight.kind == "gcode" and not flight.repeatable and self._case is None:
+                # The answer to the restart probe, or the last report of a motion whose RECEIVED was lost.
+                self._open_case(Case((flight.batch,), flight.start, math.inf), now)
+            return
+        flight.idle_reports += 1
+        if flight.idle_reports < IDLE_REPORTS_OF_AN_END:
+            return
+        if possible(flight.batch.end, report.position, self._dialect.position_tolerance_mm):
+            self._flight_done(now, inferred=True)
+        elif self._case is None:
+            self._open_case(Case((flight.batch,), flight.start, math.inf, accepted=True), now)
+
+    def _flight_done(self, now: float, *, inferred: bool = False) -> None:
+        """The command in flight is executed. OK without RECEIVED counts as both (elvinto §5.2)."""
+        flight = self._flight
+        assert flight is not None
+        self._flight = None
+        # A repeated command may have run under an ID that a flipped digit made higher; M30 makes the machine forget.
+        once = flight.attempts == 1 and self._case is None
+        if once and not flight.batch.ends_program and flight.kind == "gcode":
+            self._ids.prove(flight.id)
+        else:
+            self._ids.doubt()
+        self._standing = flight.batch.end
+        if self._case is not None:
+            self._case.finished(flight.id)
+            self._settle_next(now)
+            return
+        self._report_done(flight, inferred=inferred)
+        if flight.kind == "alarm":
+            self._alarmed = False
+            if not self._initialised:
+                self._enter(Phase.INIT, now)
+                return
+        self._go_idle(now)
+
+    def _report_done(self, flight: Flight, *, inferred: bool) -> None:
+        if flight.token is not None:
+            self._emit(CommandDone(flight.token))
+        elif flight.batch.locate_after:
+            self._unlocated = BatchDone(flight.id, inferred)
+            self._ids.doubt()  # so that idle begins with the question
+        else:
+            self._emit(BatchDone(flight.id, inferred))
+
+    def _flight_failed(
+        self, reason: Literal["error", "alarm", "estop", "restart"], code: int | None, message: str
+    ) -> None:
+        """The command in flight did not run to its end, or nobody knows (elvinto §5.7, §5.8)."""
+        if self._flight is None:
+            return
+        flight, self._flight = self._flight, None
+        if flight.token is not None:
+            self._emit(CommandFailed(flight.token, code, message))
+        else:
+            self._emit(BatchFailed(flight.id, reason, code, message))
+
+    # --- a program from the SD card -------------------------------------------------------------------------------
+
+    def _file_accepted(self, flight: Flight, now: float) -> None:
+        assert flight.token is not None
+        self._flight = None
+        self._ids.doubt()  # the program's M30 will make the machine forget
+        self._emit(CommandDone(flight.token))
+        self._phase, self._turn, self._file_idle_reports = Phase.FILE, None, 0
+        self._deadline = now + self._dialect.probe_after_s
+
+    def _on_file_quiet(self, now: float) -> None:
+        """Nothing heard while a file runs: PROGRAM_END may be lost. W95 is executed only when the program has ended.
+
+        There is no end to this: a program may run for hours without a word when STATE during moves is off.
+        """
+        due = self._heard_at + self._dialect.probe_after_s
+        if now < due:
+            self._deadline = due
+            return
+        wire_s = self._send(STEPS[Phase.SYNC].message, self._ids.take())
+        self._deadline = now + wire_s + self._dialect.probe_after_s
+
+    def _file_idle(self, now: float) -> None:
+        self._file_idle_reports += 1
+        if self._file_idle_reports >= IDLE_REPORTS_OF_AN_END:
+            self._file_ended(now)
+
+    def _file_ended(self, now: float) -> None:
+        self._emit(ProgramEnded())
+        self._go_idle(now)

@@ -1,0 +1,121 @@
+"""The engine's phases as a table: what each sends, under which ID, what it waits for, and where it goes.
+
+The diagram in docs/elvinto.md is generated from STEPS and OUTCOMES; a test keeps it true.
+"""
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Literal
+
+from protocol.commands import Position, SendBatch
+from protocol.elvinto.codec import encode_gcode, encode_message
+from protocol.events import StateReported
+
+
+class Phase(Enum):
+    """What an engine is doing; exactly one at a time, since the protocol is stop-and-wait."""
+
+    INIT = "initialises the machine"
+    GREET = "exchanges READY"
+    REPORT = "asks for STATE during moves"
+    LOCATE = "asks for the first position"
+    IDLE = "takes commands"
+    SENT = "a command is sent, RECEIVED is open"
+    RUNNING = "RECEIVED came, OK is open"
+    SYNC = "proves the machine's ID memory and position"
+    PROBE = "finds out whether the machine has restarted"
+    ASK = "asks where the machine stands"
+    LIST = "reads the SD card's folder"
+    TOOLCHECK = "asks whether a tool change is pending"
+    FILE = "a program runs from the SD card"
+    CHECK = "finds out whether a machine that executes nothing is there at all"
+    CLOSED = "the link is given up"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One exchange.
+
+    `ids`: `kept` repeats the same bytes under the same ID (elvinto §5); `fresh` takes a new ID for each try, for
+    queries whose repetition is harmless and whose answer may have been lost; `probe` counts up from 1 among the IDs
+    that only a machine without memory accepts.
+    `tries` None: the dialect's `max_retries`; 0: the phase has its own end.
+    """
+
+    message: bytes
+    ids: Literal["kept", "fresh", "probe"]
+    awaits: Literal["ack", "ready", "position", "answer"]
+    then: Phase
+    on_silence: Phase
+    tries: int | None = None
+
+
+QUERY_POSITION = encode_gcode(("W95",))
+
+STEPS: dict[Phase, Step] = {
+    Phase.INIT: Step(encode_message("INIT"), "kept", "ack", Phase.GREET, Phase.CLOSED),
+    Phase.GREET: Step(encode_message("READY"), "fresh", "ready", Phase.REPORT, Phase.CLOSED),
+    Phase.REPORT: Step(encode_gcode(("W90",)), "kept", "ack", Phase.LOCATE, Phase.CHECK),
+    Phase.LOCATE: Step(QUERY_POSITION, "fresh", "position", Phase.IDLE, Phase.CHECK),
+    Phase.SYNC: Step(QUERY_POSITION, "fresh", "position", Phase.IDLE, Phase.CHECK),
+    Phase.PROBE: Step(QUERY_POSITION, "probe", "answer", Phase.ASK, Phase.ASK, tries=0),
+    Phase.ASK: Step(QUERY_POSITION, "fresh", "position", Phase.IDLE, Phase.CHECK, tries=0),
+    Phase.LIST: Step(encode_message("READDIR"), "fresh", "answer", Phase.IDLE, Phase.IDLE),
+    Phase.TOOLCHECK: Step(encode_message("CHECKCHANGETOOL"), "fresh", "answer", Phase.IDLE, Phase.IDLE, tries=2),
+    Phase.CHECK: Step(encode_message("READY"), "fresh", "ready", Phase.IDLE, Phase.CLOSED, tries=3),
+}
+
+EMERGENCY = encode_gcode(("W98",))
+
+OUTCOMES: tuple[tuple[Phase, str, Phase], ...] = (
+    (Phase.IDLE, "submit", Phase.SENT),
+    (Phase.IDLE, "memory unproven, or nothing heard for a while", Phase.SYNC),
+    (Phase.IDLE, "list files", Phase.LIST),
+    (Phase.IDLE, "ask for a tool change", Phase.TOOLCHECK),
+    (Phase.SENT, "RECEIVED", Phase.RUNNING),
+    (Phase.SENT, "OK, ERROR, alarm", Phase.IDLE),
+    (Phase.SENT, "RECEIVED of an SD program", Phase.FILE),
+    (Phase.SENT, "no RECEIVED after max_retries, or a sign of a restart", Phase.PROBE),
+    (Phase.RUNNING, "OK, ERROR, alarm, two idle reports", Phase.IDLE),
+    (Phase.RUNNING, "silence", Phase.PROBE),
+    (Phase.PROBE, "restarted", Phase.INIT),
+    (Phase.PROBE, "kept its memory, may repeat", Phase.SENT),
+    (Phase.PROBE, "kept its memory, may not repeat", Phase.ASK),
+    (Phase.FILE, "PROGRAM_END, idle", Phase.IDLE),
+)
+"""The ways out of phases that STEPS does not tell. From every phase an unasked READY leads to INIT."""
+
+
+@dataclass(slots=True)
+class Turn:
+    """The exchange of a phase: the tries so far and what came back."""
+
+    step: Step
+    ids: list[int] = field(default_factory=list)
+    acked: bool = False
+    state: StateReported | None = None
+
+
+@dataclass(slots=True)
+class Flight:
+    """A command on its way. `token` None: a batch of a job."""
+
+    batch: SendBatch
+    message: bytes
+    start: Position
+    token: int | None = None
+    kind: Literal["gcode", "alarm", "file"] = "gcode"
+    attempts: int = 0
+    sent_at: float = 0.0
+    received_at: float | None = None
+    probed: bool = False
+    idle_reports: int = 0
+
+    @property
+    def id(self) -> int:
+        return self.batch.id
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether its repetition needs no care: the end of a program (§5.6), clearing an alarm."""
+        return self.batch.ends_program or self.kind == "alarm"

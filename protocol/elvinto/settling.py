@@ -1,0 +1,156 @@
+"""Batches whose fate was lost, and a machine that has restarted: the steps of elvinto §5.4 in their order.
+
+Third layer of the engine (see `exchange.py`); `settle.py` holds the evidence and gives the verdicts.
+The one rule: INIT is never sent while a case is open, and every case ends in exactly one report.
+"""
+
+from typing import Literal
+
+from protocol.elvinto.codec import encode_gcode
+from protocol.elvinto.flights import Flights
+from protocol.elvinto.phases import Flight, Phase
+from protocol.elvinto.settle import Case
+from protocol.events import (
+    CommandDone,
+    CommandFailed,
+    FateInDoubt,
+    FateSettled,
+    FateUnknown,
+    MachineRestarted,
+    StateReported,
+)
+
+RUNNING_PAUSE_S = 0.5
+"""After a STATE `run` no probe goes out for so long: the machine executes and would not take it."""
+
+
+class Settling(Flights):
+    """Cases: opened by a silent flight or by the work that a new epoch inherits."""
+
+    def _open_case(self, case: Case, now: float) -> None:
+        self._case = case
+        self._ids.doubt()
+        if self._manual_flight is None and case.batches and not case.accepted:
+            self._emit(FateUnknown(case.remaining_ids))
+        remaining = case.remaining
+        if remaining and remaining[0].ends_program:
+            # A machine that has executed M30 has no memory and would answer the restart probe (elvinto §5.6).
+            self._settle_next(now)
+        else:
+            self._enter(Phase.PROBE, now)
+
+    @property
+    def _manual_flight(self) -> Flight | None:
+        """The flight whose fate is open, where it is a command by hand."""
+        return self._flight if self._flight is not None and self._flight.token is not None else None
+
+    def _on_probe_unanswered(self, now: float) -> None:
+        """A round of the restart probe is over (elvinto §5.4.1)."""
+        assert self._case is not None
+        restarted = self._case.probe.end_round()
+        if restarted is None:
+            self._try(now)
+        elif restarted:
+            self._restarted("the machine executed the restart probe", now)
+        else:
+            self._settle_next(now)
+
+    def _machine_runs(self, now: float) -> None:
+        """STATE `run` while a case is open: no probe is needed, it has not restarted and is not done."""
+        assert self._case is not None
+        if self._phase is Phase.PROBE:
+            self._case.probe.still_running()
+            self._deadline = now + RUNNING_PAUSE_S
+        elif self._phase is Phase.ASK:
+            self._case.ask_until = max(self._case.ask_until, now + self._ask_patience_s)
+
+    def _settle_next(self, now: float) -> None:
+        """Repeat what may be repeated, else ask where the machine stands (elvinto §5.4.2, §5.4.3)."""
+        case = self._case
+        assert case is not None
+        batch = case.next_to_repeat
+        if case.batches and not case.remaining:
+            self._settled(now)
+        elif batch is not None and now <= case.move_until:
+            flight = self._flight if self._flight is not None and self._flight.id == batch.id else None
+            self._flight = flight or Flight(batch, encode_gcode(batch.blocks), dict(case.start))
+            self._flight.attempts = 0
+            self._send_flight(now)
+        else:
+            self._ask(now)
+
+    def _ask(self, now: float) -> None:
+        assert self._case is not None
+        self._case.ask_until = now + self._case.expected_s + self._ask_patience_s
+        self._enter(Phase.ASK, now)
+
+    @property
+    def _ask_patience_s(self) -> float:
+        return self._dialect.probe_after_s + self._dialect.max_retries * self._dialect.retry_interval_s
+
+    def _on_ask_unanswered(self, now: float) -> None:
+        """A machine that still executes takes the question when it is done; one in alarm never does."""
+        assert self._case is not None
+        if now < self._case.ask_until:
+            self._try(now)
+        else:
+            self._enter(Phase.CHECK, now)
+
+    def _located(self, report: StateReported, now: float) -> None:
+        """W95 was executed, so nothing else runs any more; the report says where the machine stands."""
+        case = self._case
+        assert case is not None
+        if case.located(report.position, self._dialect.position_tolerance_mm):
+            self._settled(now)
+        elif case.batches:
+            self._in_doubt("the position fits none, or more than one, of the places where a batch ends", now)
+        else:
+            self._in_doubt("the machine does not stand where the job left it", now)
+
+    def _settled(self, now: float) -> None:
+        case, flight = self._case, self._flight
+        assert case is not None
+        self._case = self._flight = None
+        if flight is not None and case.accepted:
+            self._report_done(flight, inferred=True)
+        elif flight is not None and flight.token is not None:
+            done = flight.id in case.done
+            answer = CommandDone(flight.token) if done else CommandFailed(flight.token, None, "it was not executed")
+            self._emit(answer)
+        else:
+            self._emit(FateSettled(tuple(case.done), case.remaining_ids, dict(self._standing)))
+        self._go_idle(now)
+
+    def _in_doubt(self, reason: str, now: float) -> None:
+        self._report_doubt(reason)
+        self._go_idle(now)
+
+    def _report_doubt(self, reason: str) -> None:
+        """End the open case, if there is one, without a verdict."""
+        case, manual = self._case, self._manual_flight
+        if case is None:
+            return
+        self._case = self._flight = None
+        if manual is not None and manual.token is not None:
+            self._emit(CommandFailed(manual.token, None, f"whether it was executed is not known: {reason}"))
+        else:
+            self._emit(FateInDoubt(tuple(case.done), case.remaining_ids, reason, dict(self._standing)))
+
+    def _break_off(self, reason: Literal["error", "alarm", "estop", "restart"], code: int | None, message: str) -> None:
+        """Whatever is under way ends here, each with its own report."""
+        self._report_unlocated({})
+        self._report_doubt(message)
+        self._flight_failed(reason, code, message)
+        self._fail_query(message)
+
+    def _restarted(self, evidence: str, now: float) -> None:
+        """The machine has lost its memory: position unknown. Initialise it; what was open is over (elvinto §5.4.1)."""
+        self._report_unlocated({})
+        self._emit(MachineRestarted(evidence))
+        self._break_off("restart", None, f"the machine has restarted: {evidence}")
+        self._standing = {}
+        self._alarmed = False
+        self._initialised = False
+        self._greetings = 0
+        self._ids.doubt()
+        self._enter(Phase.INIT, now)
