@@ -92,7 +92,7 @@ class Flights(Exchange, ABC):
         """`max_retries` repetitions without RECEIVED (elvinto §5.4)."""
         if self._case is not None:
             self._ask(now)
-        elif self._heard_at < flight.sent_at:
+        elif self._heard_at <= flight.sent_at:
             self._close("the machine does not answer")
         elif flight.kind == "gcode":
             self._open_case(Case((flight.batch,), flight.start, math.inf), now)
