@@ -116,6 +116,16 @@ class ServerConfig(Section):
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     queue_limit: Annotated[int, Field(ge=1, le=100_000)] = 1000
 
+    @property
+    def database_path(self) -> Path:
+        """The daemon's one database."""
+        return self.data_dir / "millstream.db"
+
+    @property
+    def programs_dir(self) -> Path:
+        """Where programs are kept, by content hash."""
+        return self.data_dir / "programs"
+
 
 class ElvintoConfig(Section):
     """`[machine.elvinto]`: what machines decided where the standard is silent, and the bounds of a batch."""
