@@ -1,0 +1,242 @@
+"""Programs on disk: by content hash, with an index of line offsets. Not the table of programs; that is store.py.
+
+`<sha256>.nc` is the upload byte for byte, `<sha256>.idx` the offset of every 1,024th line. The one rule: a file under
+its final name is complete and durable; everything else is a `.part` that the next start removes. Memory stays
+constant whatever the size.
+"""
+
+import hashlib
+import os
+import re
+import secrets
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Self
+
+from gcode.lines import MAX_LINE_BYTES, split_lines
+
+LINES_PER_ENTRY = 1024
+"""One u64 per so many lines: 8 kB of index for a million lines, at most 1,023 lines read in vain."""
+
+CHUNK_BYTES = 65_536
+
+_PART = ".part"
+_HEADER = struct.Struct("<8sQQ")  # magic, lines, bytes
+_OFFSET = struct.Struct("<Q")
+_MAGIC = b"MSIDX01\n"
+_LINE_END = re.compile(rb"\r\n|\r|\n")
+# Control characters that no text has. Tab, line ends, form feed, DOS's end of file and Escape are not among them.
+_BINARY = re.compile(rb"[\x00-\x08\x0e-\x19\x1c-\x1f]")
+_ID = re.compile(r"[0-9a-f]{64}")
+
+
+class NotAProgramError(ValueError):
+    """The upload is not text. Says where it stops being a program."""
+
+
+class UnknownProgramError(KeyError):
+    """There is no program of this id."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramInfo:
+    """`id` is the content's SHA-256 in hex, as is `sha256`; `lines` counts a last line without an end."""
+
+    id: str
+    name: str
+    lines: int
+    bytes: int
+    sha256: str
+
+
+class ProgramStore:
+    """A folder of programs. May be used by several threads; a Writer by one."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        root.mkdir(parents=True, exist_ok=True)
+        for left_over in root.glob(f"*{_PART}"):
+            left_over.unlink(missing_ok=True)
+
+    def writer(self, name: str) -> "Writer":
+        """Begin an upload. Raises OSError when the disk does not take it."""
+        return Writer(self._root, name)
+
+    def __contains__(self, program_id: str) -> bool:
+        return _ID.fullmatch(program_id) is not None and self._program(program_id).is_file()
+
+    def info(self, program_id: str, name: str = "") -> ProgramInfo:
+        """What is known of a program from its files. Raises UnknownProgramError."""
+        with self._open_index(program_id) as index:
+            _, lines, size = _HEADER.unpack(index.read(_HEADER.size))
+        return ProgramInfo(program_id, name, lines, size, program_id)
+
+    def lines(self, program_id: str, first: int = 1, last: int | None = None) -> Iterator[tuple[int, bytes]]:
+        """Lines `first` to `last` (both inclusive, from 1) with their numbers, without their ends.
+
+        Opens the file at once, so a program that is deleted meanwhile is read to its end all the same. Raises
+        UnknownProgramError.
+        """
+        if first < 1:
+            raise ValueError(f"lines count from 1, not {first}")
+        with self._open_index(program_id) as index:
+            _, count, _ = _HEADER.unpack(index.read(_HEADER.size))
+            entry = min(first - 1, max(count - 1, 0)) // LINES_PER_ENTRY
+            index.seek(_HEADER.size + entry * _OFFSET.size)
+            (offset,) = _OFFSET.unpack(index.read(_OFFSET.size))
+        file = self._program(program_id).open("rb")
+        file.seek(offset)
+        return _numbered(file, entry * LINES_PER_ENTRY + 1, first, last)
+
+    def delete(self, program_id: str) -> None:
+        """Remove a program. Raises UnknownProgramError."""
+        if program_id not in self:
+            raise UnknownProgramError(program_id)
+        self._program(program_id).unlink()
+        self._index(program_id).unlink(missing_ok=True)
+
+    def _open_index(self, program_id: str) -> BinaryIO:
+        if program_id not in self:
+            raise UnknownProgramError(program_id)
+        return self._index(program_id).open("rb")
+
+    def _program(self, program_id: str) -> Path:
+        return self._root / f"{program_id}.nc"
+
+    def _index(self, program_id: str) -> Path:
+        return self._root / f"{program_id}.idx"
+
+
+def _numbered(file: BinaryIO, number: int, first: int, last: int | None) -> Iterator[tuple[int, bytes]]:
+    with file:
+        lines = enumerate(split_lines(iter(lambda: file.read(CHUNK_BYTES), b"")), number)
+        yield from islice(lines, first - number, None if last is None else max(0, last - number + 1))
+
+
+class Writer:
+    """One upload: `write` as often as needed, then `finish` or `abort`. As a context manager it aborts by itself.
+
+    An error of the disk (OSError, as when it is full) or of the content (NotAProgramError) leaves nothing behind.
+    """
+
+    def __init__(self, root: Path, name: str) -> None:
+        self._root = root
+        self._name = name
+        stem = secrets.token_hex(8)
+        self._paths = (root / f"{stem}.nc{_PART}", root / f"{stem}.idx{_PART}")
+        self._hash = hashlib.sha256()
+        self._bytes = 0
+        self._lines = 0  # line ends seen
+        self._line_start = 0
+        self._ends_with_cr = False
+        self._files: list[BinaryIO] = []
+        try:
+            self._files = [path.open("xb") for path in self._paths]
+            self._files[1].write(_HEADER.pack(_MAGIC, 0, 0) + _OFFSET.pack(0))
+        except OSError:
+            self.abort()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.abort()
+
+    @property
+    def bytes_written(self) -> int:
+        """How much has come so far."""
+        return self._bytes
+
+    def write(self, chunk: bytes) -> None:
+        """The next piece, of any size. Raises NotAProgramError or OSError; nothing is left behind then."""
+        try:
+            self._refuse_binary(chunk)
+            self._index_lines(chunk)
+            self._files[0].write(chunk)
+        except (OSError, NotAProgramError):
+            self.abort()
+            raise
+        self._hash.update(chunk)
+        self._bytes += len(chunk)
+
+    def finish(self) -> ProgramInfo:
+        """Make it durable under its hash. Raises OSError; nothing is left behind then."""
+        digest = self._hash.hexdigest()
+        lines = self._lines + (self._line_start < self._bytes)
+        try:
+            self._files[1].seek(0)
+            self._files[1].write(_HEADER.pack(_MAGIC, lines, self._bytes))
+            for file in self._files:
+                file.flush()
+                os.fsync(file.fileno())
+                file.close()
+            # The index first: a program that is there has its index.
+            self._paths[1].replace(self._root / f"{digest}.idx")
+            self._paths[0].replace(self._root / f"{digest}.nc")
+            _sync_folder(self._root)
+        except OSError:
+            self.abort()
+            raise
+        self._files = []
+        return ProgramInfo(digest, self._name, lines, self._bytes, digest)
+
+    def abort(self) -> None:
+        """Leave nothing. Harmless after `finish` and when called twice."""
+        files, self._files = self._files, []
+        for file in files:
+            try:
+                file.close()
+            except OSError:
+                # What could not be flushed is thrown away anyway.
+                continue
+        for path in self._paths:
+            path.unlink(missing_ok=True)
+
+    def _refuse_binary(self, chunk: bytes) -> None:
+        if found := _BINARY.search(chunk):
+            at = self._bytes + found.start()
+            raise NotAProgramError(f"byte {at} is 0x{found[0][0]:02x}: this is a binary file, not a G-code program")
+
+    def _index_lines(self, chunk: bytes) -> None:
+        at = 0
+        if self._ends_with_cr and chunk.startswith(b"\n"):
+            # The second half of a \r\n: the line began one byte later than it seemed.
+            at = 1
+            self._begin_line(self._bytes + 1, count=False)
+        start = self._line_start
+        for end in _LINE_END.finditer(chunk, at):
+            self._check_length(self._bytes + end.start() - start)
+            start = self._bytes + end.end()
+            self._begin_line(start, count=True)
+        self._check_length(self._bytes + len(chunk) - start)
+        if chunk:
+            self._ends_with_cr = chunk.endswith(b"\r")
+
+    def _begin_line(self, offset: int, *, count: bool) -> None:
+        self._line_start = offset
+        self._lines += count
+        if self._lines % LINES_PER_ENTRY == 0:
+            index = self._files[1]
+            index.seek(_HEADER.size + self._lines // LINES_PER_ENTRY * _OFFSET.size)
+            index.write(_OFFSET.pack(offset))
+
+    def _check_length(self, line_bytes: int) -> None:
+        if line_bytes > MAX_LINE_BYTES:
+            raise NotAProgramError(
+                f"line {self._lines + 1} is longer than {MAX_LINE_BYTES} bytes: this is not a G-code program"
+            )
+
+
+def _sync_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
