@@ -1,0 +1,107 @@
+"""One block of G-code as this controller reads it (standard §3): words, and the table of codes that exist.
+
+No motion and no state. The one rule: a code that is not in the table does not exist, whatever it means elsewhere.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+ERR_UNKNOWN_COMMAND: Final = 1
+ERR_PARAMETER: Final = 2
+ERR_BAD_WORD: Final = 3
+ERR_UNKNOWN_CODE: Final = 4
+ERR_BAD_ARC: Final = 5
+ERR_BAD_CYCLE: Final = 6
+ERR_NO_CARD: Final = 7
+ERR_NO_FILE: Final = 8
+"""ERROR,NUM: the standard names no numbers, these are this machine's own."""
+
+MOTION: Final = frozenset({"G0", "G1", "G2", "G3", "G81", "G81.99", "G83", "G83.99"})
+"""Modal motion: holds for later blocks that have axis words only."""
+
+PLACING: Final = frozenset({"G27", "G28", "G29", "G92", "G100", "G101", "M200", "M210"})
+"""Takes the axis words of its block; a motion code beside it only sets the mode."""
+
+IGNORED: Final = frozenset({"G17", "G18", "G19", "G21", "G40", "G41", "G42", "G54", "G300", "M1", "M76", "M77", "M201"})
+"""Accepted without an effect that can be seen from outside."""
+
+MODES: Final = frozenset({"G75", "G76", "G80", "G90", "G91", "M3", "M4", "M5", "M6", "M7", "M8", "M30", "M99"})
+
+W_CODES: Final = frozenset(f"W{number}" for number in (70, 71, 72, 73, 90, 91, 93, 94, 95, 96, 97, 98))
+
+CODES: Final = MOTION | PLACING | IGNORED | MODES | W_CODES
+
+QUERIES: Final = frozenset({"W90", "W91", "W95", "W96", "W97"})
+"""Move nothing and change nothing about motion."""
+
+AXIS_LETTERS: Final = frozenset("XYZABC")
+VALUE_LETTERS: Final = AXIS_LETTERS | frozenset("DFHIJKLPQRST")
+
+MAX_NUMBER: Final = 1e9
+"""Beyond this no sum of coordinates is exact to a micrometre; it also keeps infinity out."""
+
+_WORD = re.compile(r"\s*([A-Za-z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
+_SD_NOISE = re.compile(r"\([^)]*\)|;.*|%|\bN\d+", re.ASCII | re.IGNORECASE)
+
+
+class BlockError(Exception):
+    """This block cannot be executed; `num` goes into ERROR,NUM."""
+
+    def __init__(self, num: int) -> None:
+        super().__init__(f"error {num}")
+        self.num = num
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """A block taken apart: its codes in the order written, and the other words by letter."""
+
+    codes: tuple[str, ...]
+    values: dict[str, float]
+
+    @property
+    def moves(self) -> bool:
+        return not AXIS_LETTERS.isdisjoint(self.values)
+
+
+def read_block(text: str) -> Words:
+    """Raises BlockError for what is no word, a letter twice, two motions, and a code that does not exist."""
+    codes: list[str] = []
+    values: dict[str, float] = {}
+    end = 0
+    while end < len(text):
+        match = _WORD.match(text, end)
+        if match is None:
+            if text[end:].isspace():
+                break
+            raise BlockError(ERR_BAD_WORD)
+        end = match.end()
+        letter, number = match[1].upper(), float(match[2])
+        if abs(number) > MAX_NUMBER:
+            raise BlockError(ERR_BAD_WORD)
+        if letter in "GMW":
+            code = f"{letter}{number:g}"
+            if code not in CODES:
+                raise BlockError(ERR_UNKNOWN_CODE)
+            codes.append(code)
+        elif letter not in VALUE_LETTERS or letter in values:
+            raise BlockError(ERR_BAD_WORD)
+        else:
+            values[letter] = number
+    if len(codes) > 1 and any(sum(code in group for code in codes) > 1 for group in (MOTION, PLACING)):
+        raise BlockError(ERR_BAD_WORD)
+    return Words(tuple(codes), values)
+
+
+def split_batch(data: str) -> list[str]:
+    """The blocks of GCODE,DATA (§4). Nothing between two `|` is no block."""
+    return [text for block in data.split("|") if (text := block.strip())]
+
+
+def sd_blocks(content: bytes, encoding: str) -> Iterator[str]:
+    """The blocks of a file on the card: comments, `%` and line numbers left out."""
+    for line in content.decode(encoding, errors="replace").splitlines():
+        if text := _SD_NOISE.sub("", line).strip():
+            yield text
