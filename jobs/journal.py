@@ -1,0 +1,158 @@
+"""The journal: which lines stand behind which ID on the wire, and how it ended. Runs inside the db thread.
+
+The one rule: a row is durable before its first byte is sent, and it stays `planned` (open) until its end is certain
+(elvinto §5.1). Why at most two rows are open is argued in runner.py.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sqlite_utils import Database
+
+from jobs.batch import PlannedBatch
+from jobs.effects import Entry, MarkBatch, RowStatus
+from protocol.commands import Position
+from protocol.errors import LocalError
+
+MOST_OPEN = 2
+
+INSERT = """
+insert into batches (job, seq, machine, wire_id, line_from, line_to, blocks, seconds, "end", body, status, attempts,
+                     inferred, planned_at)
+values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, 'planned', 0, 0, ?)
+on conflict (job, seq) do update set wire_id = excluded.wire_id, planned_at = excluded.planned_at, status = 'planned'
+"""
+MARK = """
+update batches set status = ?, attempts = ?, inferred = ?, sent_at = ?, received_at = ?, ok_at = ?,
+                   "end" = coalesce(?, "end"), body = case when ? then null else body end
+where job = ? and seq = ? and wire_id = ?
+"""
+RAISE_HIGHEST = """
+insert into machines (name, highest_id) values (?, ?)
+on conflict (name) do update set highest_id = max(highest_id, excluded.highest_id)
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """What the journal knows of a job. `position`: where the machine stood before the first open row."""
+
+    open: tuple[Entry, ...]
+    next_seq: int
+    position: Position
+    seconds_done: float
+
+
+def journal(db: Database, machine: str, entry: Entry, at: str) -> None:
+    """Write a row, or give the row of the same `seq` its new ID."""
+    batch = entry.batch
+    db.execute(
+        INSERT,
+        [
+            entry.job_id,
+            entry.seq,
+            machine,
+            entry.wire_id,
+            batch.first_line,
+            batch.last_line,
+            len(batch.blocks),
+            batch.seconds,
+            json.dumps(dict(batch.end)),
+            _body(batch),
+            at,
+        ],
+    )
+    db.execute(RAISE_HIGHEST, [machine, entry.wire_id])
+
+
+def mark(db: Database, effect: MarkBatch) -> None:
+    """Write the end of a row and how far its job is."""
+    entry, done = effect.entry, effect.status is RowStatus.OK
+    end = None if effect.end is None else json.dumps(dict(effect.end))
+    changed = db.execute(
+        MARK,
+        [
+            effect.status,
+            effect.attempts,
+            effect.inferred,
+            effect.sent_at,
+            effect.received_at,
+            effect.ok_at,
+            end,
+            done,
+            entry.job_id,
+            entry.seq,
+            entry.wire_id,
+        ],
+    )
+    if changed.rowcount != 1:
+        raise LocalError(f"no row {entry.seq} of job {entry.job_id} under ID {entry.wire_id} to mark")
+    db.execute("update jobs set line_done = ? where id = ?", [effect.line_done, entry.job_id])
+
+
+def past(db: Database, job: int) -> Past:
+    """What a daemon before us left of this job. Raises LocalError when more is open than can be."""
+    rows = list(db.query("select * from batches where job = ? and status = 'planned' order by seq", [job]))
+    if len(rows) > MOST_OPEN:
+        raise LocalError(f"job {job} has {len(rows)} open rows; there can be {MOST_OPEN}")
+    opened = tuple(Entry(job, row["seq"], row["wire_id"], _batch(row)) for row in rows)
+    last = next(
+        db.query("select \"end\" from batches where job = ? and status = 'ok' order by seq desc limit 1", [job]), None
+    )
+    sums = next(
+        db.query("select max(seq) as top, sum(seconds * (status = 'ok')) as s from batches where job = ?", [job])
+    )
+    position: Position = {}
+    if last is not None:
+        position = json.loads(last["end"])
+    elif opened:
+        position = opened[0].batch.start
+    return Past(opened, (sums["top"] or 0) + 1, position, sums["s"] or 0.0)
+
+
+def give_up(db: Database, job: int) -> None:
+    """Whatever is still open will never be known."""
+    db.execute("update batches set status = 'doubtful' where job = ? and status = 'planned'", [job])
+
+
+def rows_of(db: Database, job: int, *, limit: int, after: int = 0) -> list[dict[str, Any]]:
+    """The journal of a job as the API shows it, oldest first."""
+    query = """
+        select seq, wire_id, line_from, line_to, blocks, seconds, status, attempts, inferred, planned_at, sent_at,
+               received_at, ok_at
+        from batches where job = ? and seq > ? order by seq limit ?
+    """
+    return [{**row, "inferred": bool(row["inferred"])} for row in db.query(query, [job, after, limit])]
+
+
+def highest_id(db: Database, machine: str) -> int:
+    """No ID above it was ever journaled for this machine."""
+    row = next(db.query("select highest_id from machines where name = ?", [machine]), None)
+    return 0 if row is None else int(row["highest_id"])
+
+
+def alive(db: Database, machine: str, at: str) -> None:
+    """The machine was heard."""
+    db.execute(
+        """insert into machines (name, alive_at) values (?, ?)
+           on conflict (name) do update set alive_at = excluded.alive_at""",
+        [machine, at],
+    )
+
+
+def alive_at(db: Database, machine: str) -> str | None:
+    """When the machine was last heard, to the second; RFC 3339."""
+    row = next(db.query("select alive_at from machines where name = ?", [machine]), None)
+    return None if row is None else row["alive_at"]
+
+
+def _body(batch: PlannedBatch) -> str:
+    body: dict[str, Any] = {name: getattr(batch, name) for name in PlannedBatch.__dataclass_fields__}
+    return json.dumps(body | {"start": dict(batch.start), "end": dict(batch.end)})
+
+
+def _batch(row: Mapping[str, Any]) -> PlannedBatch:
+    body = json.loads(row["body"])
+    return PlannedBatch(**(body | {"blocks": tuple(body["blocks"])}))

@@ -1,0 +1,472 @@
+"""A job under way: events of the engine and wishes of people in, effects out. Pure: no clock, no wire, no database.
+
+One batch is in flight, one more is planned and journaled while it executes. The one rule: nothing is submitted whose
+row is not durable under exactly the ID that goes on the wire (elvinto §5.1).
+
+Why at most two rows are open (elvinto §5.4.3). The journal's writer is a FIFO. Let *n* be a row.
+`Journal(n+2)` is emitted only after `Mark(n, ok)`: a row is planned when the one ahead of it was submitted, that
+needed the end of the row in flight, and the end was emitted as a mark before. `Submit(n+2)` needs `Journal(n+2)`
+durable, so by the FIFO `Mark(n, ok)` is durable too. Whenever the process dies, the rows without a durable end are
+therefore among two neighbours: one that may be executed, and one journaled ahead that may or may not have been sent.
+The engine finds out by the machine's ID memory and by the position (elvinto §5.4).
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from jobs.batch import PlannedBatch
+from jobs.cursor import Cursor
+from jobs.effects import Effect, Entry, JournalBatch, MarkBatch, Note, RowStatus, SetHold, SetStatus, Submit
+from jobs.flight import Adopted, Ahead, Flight, Inheritance, LinkSide, Outcome, Wishes
+from jobs.job import ENDED, JobError, Status
+from protocol.commands import Position
+from protocol.errors import LocalError
+from protocol.events import (
+    BatchDone,
+    BatchFailed,
+    BatchReceived,
+    BatchSent,
+    Event,
+    FateInDoubt,
+    FateSettled,
+    FateUnknown,
+    LinkReady,
+    MachineRestarted,
+    StateReported,
+)
+
+
+class BatchSource(Protocol):
+    """Where batches come from: jobs.batch.BatchPlanner."""
+
+    def next(self) -> PlannedBatch | None:
+        """The next batch, None at the end. Raises LocalError for a line that cannot be sent, OSError for the file."""
+
+    def relocate(self, position: Position) -> None:
+        """The true position after a batch whose effect could not be computed."""
+
+
+MACHINE_GONE = Outcome(
+    Status.INTERRUPTED, "machine_restarted", "The machine restarted in the middle of the job: its position is unknown."
+)
+
+
+@dataclass(slots=True)
+class Runner:
+    """One job. `source` yields what comes after the open rows, and may be supplied later; times in `now` are the
+    engine's clock in seconds."""
+
+    job_id: int
+    source: BatchSource | None
+    resume_within_s: float
+    cursor: Cursor = field(default_factory=Cursor)
+    position: Position = field(default_factory=dict)
+    next_seq: int = 1
+    announced: Status = Status.CHECKING
+    restarted: bool = False
+    seconds_done: float = 0.0
+    _wishes: Wishes = field(default_factory=Wishes)
+    _link: LinkSide = field(default_factory=LinkSide)
+    _open: list[Flight] = field(default_factory=list)
+    _doubtful: list[Flight] = field(default_factory=list)
+    _ahead: Ahead | None = None
+    _backlog: deque[PlannedBatch] = field(default_factory=deque)
+    _last: Outcome | None = None
+    _outcome: Outcome | None = None
+    _told: tuple[Any, ...] = ()
+    _effects: list[Effect] = field(default_factory=list)
+
+    def adopt(self, past: Adopted, *, last_life_at: float) -> list[Effect]:
+        """Take up what a daemon before us left; the link is down."""
+        self.announced = past.status
+        self.restarted = past.restarted
+        self._link.last_life_at = last_life_at
+        self._wishes = Wishes(hold=past.hold, tool=past.tool, waiting=past.status is Status.WAITING)
+        self._open = [Flight(entry) for entry in past.open]
+        if any(entry.batch.ends_program for entry in past.open):
+            self._last = Outcome(Status.COMPLETED)
+        if past.status is Status.INTERRUPTED:
+            error = past.error or JobError("in_doubt", "The job was interrupted.")
+            self._outcome = Outcome(Status.INTERRUPTED, error.code, error.message)
+        return self._drain()
+
+    # --- what is derived --------------------------------------------------------------------------------------
+
+    @property
+    def status(self) -> Status:
+        """The job's status; derived, never stored."""
+        if self._outcome is not None:
+            return self._outcome.status
+        if self._wishes.waiting:
+            return Status.WAITING
+        if self._wishes.hold and not self._open:
+            return Status.PAUSED
+        return Status.RUNNING
+
+    @property
+    def error(self) -> JobError | None:
+        """What went wrong, with the lines that are in doubt."""
+        if self._outcome is None or not self._outcome.code:
+            return None
+        lines = self._doubtful + self._open
+        first = min((flight.entry.batch.first_line for flight in lines), default=None)
+        last = max((flight.entry.batch.last_line for flight in lines), default=None)
+        return JobError(self._outcome.code, self._outcome.message, first, last)
+
+    @property
+    def over(self) -> bool:
+        """The job has ended and nothing more will be learnt about it."""
+        return self.status in ENDED and not self._open
+
+    @property
+    def holding(self) -> bool:
+        """A pause is demanded (the batch in flight may still be executing)."""
+        return self._wishes.hold
+
+    @property
+    def cancelling(self) -> bool:
+        return self._wishes.cancel
+
+    @property
+    def tool(self) -> int | None:
+        """The tool it waits for."""
+        return self._wishes.tool if self._wishes.waiting else None
+
+    @property
+    def flights(self) -> tuple[Flight, ...]:
+        """The rows that are with the machine, or may be."""
+        return tuple(self._open)
+
+    @property
+    def _goes_on(self) -> bool:
+        """Would the job send by itself if it could?"""
+        wishes = self._wishes
+        return self._outcome is None and not (wishes.hold or wishes.cancel or wishes.waiting)
+
+    def deadline(self) -> float | None:
+        """When a break becomes too long to be bridged without asking (elvinto §5.5)."""
+        if self._link.last_life_at is None or not self._goes_on:
+            return None
+        return self._link.last_life_at + self.resume_within_s
+
+    def inherit(self) -> Inheritance:
+        """What a new epoch is told: what is open, and until when it may move the machine to find out.
+
+        A job that is to stand still (paused, waiting, being cancelled, interrupted) never moves by itself.
+        """
+        deadline = self.deadline()
+        return Inheritance(
+            tuple(flight.entry.command() for flight in self._open),
+            dict(self.position),
+            -math.inf if deadline is None else deadline,
+        )
+
+    # --- what people want -------------------------------------------------------------------------------------
+
+    def begin(self) -> list[Effect]:
+        """The machine is ours and takes commands."""
+        self._link = LinkSide(up=True)
+        return self._drain()
+
+    def supply(self, source: BatchSource) -> None:
+        """What comes after everything that is open: it is made aside, for reading a long program takes its time."""
+        batches = [flight.entry.batch for flight in self._open] + list(self._backlog)
+        source.relocate(batches[-1].end if batches else self.position)
+        self.source = source
+
+    def pause(self) -> list[Effect]:
+        """Stand still after the batch in flight."""
+        if not self._wishes.hold:
+            self._wishes.hold = True
+            self._emit(SetHold(hold=True))
+            self._shelve()
+        return self._drain()
+
+    def resume(self) -> list[Effect]:
+        """Go on after a pause."""
+        if self._wishes.hold:
+            self._wishes.hold = False
+            self._emit(SetHold(hold=False))
+        return self._drain()
+
+    def confirm_tool(self) -> list[Effect]:
+        """The tool is in: go on, or stand still if a pause was demanded meanwhile."""
+        self._wishes.waiting = False
+        self._wishes.tool = None
+        return self._drain()
+
+    def cancel(self) -> list[Effect]:
+        """End after the batch in flight; at once where the machine cannot be asked any more."""
+        self._wishes.cancel = True
+        self._shelve()
+        if self._outcome is not None and self._outcome.status is Status.INTERRUPTED:
+            self._outcome = Outcome(Status.CANCELLED, self._outcome.code, self._outcome.message)
+            self._doubt(self._open, RowStatus.DOUBTFUL)
+        elif not self._open:
+            self._stop(Status.CANCELLED)
+        elif not self._link.up:
+            self._stop(Status.CANCELLED, "cancelled_in_doubt", "Cancelled while the machine could not be asked.")
+            self._doubt(self._open, RowStatus.DOUBTFUL)
+        return self._drain()
+
+    def emergency(self) -> list[Effect]:
+        """The emergency stop has gone out."""
+        self._stop(Status.FAILED, "estop", "The emergency stop was demanded.")
+        return self._drain()
+
+    def forget(self) -> list[Effect]:
+        """What is open will never be known: the machine is about to be told to forget."""
+        self._doubt(self._open, RowStatus.DOUBTFUL)
+        return self._drain()
+
+    # --- the link ---------------------------------------------------------------------------------------------
+
+    def link_down(self, *, last_life_at: float) -> list[Effect]:
+        """The epoch is over. Of the batch in flight nothing more will be heard until the next one."""
+        if self._link.last_life_at is None:
+            self._link.last_life_at = last_life_at
+        self._link.up = False
+        self._shelve()
+        if self.status in ENDED:
+            self._doubt(self._open, RowStatus.DOUBTFUL)
+        elif self._wishes.cancel:
+            return self.cancel()
+        return self._drain()
+
+    def overdue(self, *, now: float) -> list[Effect]:
+        """The time for going on without asking is over."""
+        self._check_break(now)
+        return self._drain()
+
+    def handle(self, event: Event, *, now: float, at: str) -> list[Effect]:
+        """What the engine reports. `at` is the time for people."""
+        match event:
+            case BatchSent(id=id, attempt=attempt) if flight := self._flight(id):
+                flight.attempts = attempt
+                flight.sent_at = flight.sent_at or at
+            case BatchReceived(id=id) if flight := self._flight(id):
+                flight.received_at = flight.received_at or at
+                self.cursor = self.cursor.was_received(flight.entry.batch.last_line)
+            case BatchDone(id=id, inferred=inferred, position=position) if flight := self._flight(id):
+                self._done(flight, inferred=inferred, position=position, at=at)
+            case BatchFailed() if flight := self._flight(event.id):
+                self._failed(event, flight)
+            case StateReported(status="alarm", alarm=alarm):
+                self._alarm("" if alarm is None else alarm.message)
+            case MachineRestarted(evidence=evidence):
+                self.restarted = True
+                self._note("machine_restarted", evidence=evidence)
+                self._interrupt(MACHINE_GONE)
+            case FateUnknown(ids=ids):
+                self._note("fate_unknown", ids=list(ids))
+            case FateSettled():
+                self._settled(event, now=now, at=at)
+            case FateInDoubt():
+                self._in_doubt(event, at=at)
+            case LinkReady():
+                self._link = LinkSide(up=True)
+            case _:
+                pass
+        return self._drain()
+
+    # --- going on ---------------------------------------------------------------------------------------------
+
+    def journaled(self, seq: int, wire_id: int) -> None:
+        """The row is durable under this ID."""
+        ahead = self._ahead
+        if ahead is not None and ahead.seq == seq and ahead.entry is not None and ahead.entry.wire_id == wire_id:
+            ahead.durable = True
+
+    def advance(self, next_id: int, *, free: bool) -> list[Effect]:
+        """What can be done now. Call again after carrying it out, until there is nothing.
+
+        `next_id` is the engine's; when it has moved since the row was written, the row is written again.
+        """
+        if self._wishes.cancel and not self._open:
+            self._stop(Status.CANCELLED)
+        if not self._link.up or not self._goes_on:
+            return self._drain()
+        self._plan()
+        ahead = self._ahead
+        if ahead is None:
+            return self._drain()
+        if ahead.entry is None or ahead.entry.wire_id != next_id:
+            ahead.entry = Entry(self.job_id, ahead.seq, next_id, ahead.batch)
+            ahead.durable = False
+            self._emit(JournalBatch(ahead.entry))
+        elif free and ahead.durable and not self._open:
+            self._ahead = None
+            self._open.append(Flight(ahead.entry))
+            self.cursor = self.cursor.was_sent(ahead.batch.last_line)
+            self._emit(Submit(ahead.entry.command()))
+        return self._drain()
+
+    def _plan(self) -> None:
+        """One batch ahead, but never past one whose effect must be known first (elvinto §7, barriers)."""
+        if self._ahead is not None or any(flight.entry.batch.barrier for flight in self._open):
+            return
+        batch = self._backlog.popleft() if self._backlog else self._read()
+        if batch is not None:
+            self.cursor = self.cursor.was_read(batch.last_line)
+            self._ahead = Ahead(batch, self.next_seq)
+            self.next_seq += 1
+        elif self._last is not None and not self._open:
+            self._stop(self._last.status, self._last.code, self._last.message)
+
+    def _read(self) -> PlannedBatch | None:
+        """The next batch of the source; when there is none, `_last` says how the job ends."""
+        if self._last is not None or self.source is None:
+            return None
+        try:
+            batch = self.source.next()
+        except LocalError as error:
+            self._last = Outcome(Status.FAILED, "not_plannable", str(error))
+            return None
+        except OSError as error:
+            self._last = Outcome(Status.FAILED, "program_missing", f"The program cannot be read: {error}")
+            return None
+        if batch is None or batch.ends_program:
+            # What stands behind the end of a program (M30, M99) is not part of it.
+            self._last = Outcome(Status.COMPLETED)
+        return batch
+
+    def _shelve(self) -> None:
+        """Put the batch ahead back: it was never sent, and its row says so before anything else is written."""
+        ahead, self._ahead = self._ahead, None
+        if ahead is None:
+            return
+        if ahead.entry is not None:
+            self._emit(MarkBatch(ahead.entry, RowStatus.UNSENT, self.cursor.done))
+        self._backlog.appendleft(ahead.batch)
+
+    # --- evidence ---------------------------------------------------------------------------------------------
+
+    def _flight(self, id: int) -> Flight | None:
+        return next((flight for flight in self._open if flight.entry.wire_id == id), None)
+
+    def _done(self, flight: Flight, *, inferred: bool, position: Position | None, at: str) -> None:
+        batch = flight.entry.batch
+        self._open.remove(flight)
+        self.cursor = self.cursor.was_done(batch.last_line)
+        self.seconds_done += batch.seconds
+        self.position = dict(batch.end if position is None else position)
+        if batch.locate_after and self.source is not None:
+            self.source.relocate(self.position)
+        mark = MarkBatch(
+            flight.entry,
+            RowStatus.OK,
+            self.cursor.done,
+            attempts=flight.attempts,
+            inferred=inferred,
+            sent_at=flight.sent_at,
+            received_at=flight.received_at,
+            ok_at=at,
+            end=self.position,
+        )
+        self._emit(mark)
+        if batch.tool_change:
+            self._wishes.waiting = True
+            self._wishes.tool = batch.tool
+
+    def _proven(self, event: FateSettled | FateInDoubt, *, at: str) -> None:
+        """Batches that were executed for certain. The machine stands where the last of them ended."""
+        for id in event.done:
+            here = event.position if id == event.done[-1] and isinstance(event, FateSettled) else None
+            if flight := self._flight(id):
+                self._done(flight, inferred=True, position=here or None, at=at)
+
+    def _failed(self, event: BatchFailed, flight: Flight) -> None:
+        self._doubt([flight], RowStatus.FAILED)
+        match event.reason:
+            case "restart":
+                self.restarted = True
+                self._interrupt(MACHINE_GONE)
+            case "error":
+                number = "" if event.code is None else f" {event.code}"
+                self._stop(
+                    Status.FAILED, "machine_error", f"The machine answered ERROR{number}. {event.message}".strip()
+                )
+            case "alarm":
+                self._alarm(event.message)
+            case "estop":
+                self._stop(Status.FAILED, "estop", event.message or "The emergency stop was pressed.")
+
+    def _alarm(self, message: str) -> None:
+        self._stop(Status.FAILED, "alarm", f"The machine is in alarm. {message}".strip())
+
+    def _settled(self, event: FateSettled, *, now: float, at: str) -> None:
+        self._proven(event, at=at)
+        undone, self._open = self._open, []
+        self._shelve()
+        for flight in reversed(undone):
+            self._emit(self._end(flight, RowStatus.UNDONE))
+            self._backlog.appendleft(flight.entry.batch)
+        self.cursor = self.cursor.fell_back(self.cursor.done)
+        self._note("fate_settled", done=list(event.done), undone=list(event.undone), position=dict(event.position))
+        self._check_break(now)
+
+    def _in_doubt(self, event: FateInDoubt, *, at: str) -> None:
+        self._proven(event, at=at)
+        self._doubt(self._open, RowStatus.DOUBTFUL)
+        self._note("fate_in_doubt", done=list(event.done), doubtful=list(event.doubtful), reason=event.reason)
+        self._interrupt(Outcome(Status.INTERRUPTED, "in_doubt", event.reason))
+
+    def _doubt(self, flights: Iterable[Flight], status: RowStatus) -> None:
+        for flight in tuple(flights):
+            self._open.remove(flight)
+            self._doubtful.append(flight)
+            self._emit(self._end(flight, status))
+
+    def _end(self, flight: Flight, status: RowStatus) -> MarkBatch:
+        return MarkBatch(
+            flight.entry,
+            status,
+            self.cursor.done,
+            attempts=flight.attempts,
+            sent_at=flight.sent_at,
+            received_at=flight.received_at,
+        )
+
+    # --- stopping ---------------------------------------------------------------------------------------------
+
+    def _check_break(self, now: float) -> None:
+        deadline = self.deadline()
+        if deadline is None or now < deadline:
+            return
+        limit = f"{self.resume_within_s:g} s"
+        message = f"The link was broken for longer than resume_within ({limit})."
+        self._interrupt(Outcome(Status.INTERRUPTED, "break_too_long", message))
+
+    def _interrupt(self, outcome: Outcome) -> None:
+        """Later evidence may name a graver cause, but an end stays an end and a restart the gravest."""
+        if self.status not in ENDED and (self._outcome is None or self._outcome.code != MACHINE_GONE.code):
+            self._outcome = outcome
+            self._shelve()
+
+    def _stop(self, status: Status, code: str = "", message: str = "") -> None:
+        if self._outcome is None:
+            self._outcome = Outcome(status, code, message)
+            self._shelve()
+
+    def _note(self, kind: str, **data: Any) -> None:
+        self._emit(Note(kind, data))
+
+    def _emit(self, effect: Effect) -> None:
+        self._effects.append(effect)
+
+    def _drain(self) -> list[Effect]:
+        status = self.status
+        told = (status, self.error, self.tool, self.restarted)
+        if told != self._told and not (status is self.announced and not self._told):
+            self._emit(
+                SetStatus(
+                    self.announced, status, self.cursor.done, error=self.error, tool=self.tool, restarted=self.restarted
+                )
+            )
+            self.announced = status
+        self._told = told
+        effects, self._effects = self._effects, []
+        return effects

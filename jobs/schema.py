@@ -1,0 +1,96 @@
+"""The tables of the daemon's one database, as migrations. Not the statements that use them (store, journal, history).
+
+The one rule: a migration that was released is never edited; what has to change is a new one at the end.
+"""
+
+from sqlite_utils import Database
+from sqlite_utils.migrations import Migrations
+
+migrations = Migrations("millstream")
+
+EVENTS_ARE_FINAL = """
+create trigger events_no_{verb} before {verb} on events
+begin select raise(abort, 'history is append-only'); end
+"""
+
+
+@migrations()
+def m001_programs(db: Database) -> None:
+    """Programs by content hash; the text itself is a file (jobs/program.py)."""
+    db.execute("""
+        create table programs (
+            id text primary key, name text not null, lines integer not null, bytes integer not null,
+            sha256 text not null, created_at text not null)
+    """)
+
+
+@migrations()
+def m002_jobs(db: Database) -> None:
+    """`rank` orders the queue of a machine. `line_done`: every line up to it was executed."""
+    db.execute("""
+        create table jobs (
+            id integer primary key autoincrement, machine text not null, program text not null,
+            program_name text not null, status text not null, rank integer not null, hold integer not null,
+            note text, forced integer not null, start_line integer not null, end_line integer not null,
+            lines integer not null, total_seconds real, line_done integer not null, tool integer,
+            restarted integer not null, error_code text, error_message text, error_line_from integer,
+            error_line_to integer, idempotency_key text unique, request_hash text, rerun_of integer,
+            created_at text not null, started_at text, ended_at text)
+    """)
+    db.execute("create index jobs_by_machine on jobs (machine, status, rank)")
+    db.execute("create index jobs_by_program on jobs (program)")
+
+
+@migrations()
+def m003_batches(db: Database) -> None:
+    """The journal. `body` is what is needed to send the same bytes again; it is dropped when the batch is done."""
+    db.execute("""
+        create table batches (
+            job integer not null references jobs (id), seq integer not null, machine text not null,
+            wire_id integer not null, line_from integer not null, line_to integer not null, blocks integer not null,
+            seconds real not null, "end" text not null, body text, status text not null, attempts integer not null,
+            inferred integer not null, planned_at text not null, sent_at text, received_at text, ok_at text,
+            primary key (job, seq)) without rowid
+    """)
+    db.execute("create index batches_open on batches (job, seq) where status = 'planned'")
+
+
+@migrations()
+def m004_events(db: Database) -> None:
+    """History: append-only, each row with the hash of the one before."""
+    db.execute("""
+        create table events (
+            id integer primary key autoincrement, at text not null, machine text, job integer, type text not null,
+            data text not null, previous text not null, hash text not null)
+    """)
+    db.execute("create index events_by_job on events (job, id)")
+    for verb in ("update", "delete"):
+        db.execute(EVENTS_ARE_FINAL.format(verb=verb))
+
+
+@migrations()
+def m005_tokens(db: Database) -> None:
+    """Access tokens; `hash` is all that is kept of the secret."""
+    db.execute("""
+        create table tokens (
+            id text primary key, name text not null, role text not null, hash text not null unique,
+            created_at text not null, last_used_at text, revoked_at text)
+    """)
+
+
+@migrations()
+def m006_machines(db: Database) -> None:
+    """`highest_id`: no wire ID above it was ever journaled. `alive_at`: the last sign of life, to the second."""
+    db.execute("""
+        create table machines (name text primary key, highest_id integer not null default 0, alive_at text)
+    """)
+
+
+def prepare(db: Database) -> None:
+    """Set the connection up and bring the tables to the newest state."""
+    db.execute("pragma journal_mode = wal")
+    # A journal row that was reported durable must survive a power cut, not only a crash of the process.
+    db.execute("pragma synchronous = full")
+    db.execute("pragma foreign_keys = on")
+    db.execute("pragma busy_timeout = 5000")
+    migrations.apply(db)

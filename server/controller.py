@@ -1,0 +1,229 @@
+"""What people ask of a machine: stop it, move it by hand, connect it. The verbs of the API; the machine is machine.py.
+
+Not HTTP and not who may do it (server/api). The one rule: e-stop, pause, resume and stop are plain function calls that
+end before anything is awaited; the wire comes first, then the job, then the history.
+"""
+
+import asyncio
+from dataclasses import replace
+from typing import Any
+
+from jobs.job import Status
+from protocol.commands import ClearAlarm, EmergencyStop, ListFiles, RunBlock, RunFile
+from protocol.events import CommandDone, CommandFailed, FilesListed
+from protocol.machine import tool_confirmed
+from server.machine import Machine
+from server.problems import ProblemError
+
+ALARM_CLEARED_WITHIN_S = 5.0
+"""After that a reset goes on without the answer."""
+FORBIDDEN = frozenset("|;\r\n")
+"""They end a block or a message on the wire."""
+
+
+class Controller(Machine):
+    """See the head of this file."""
+
+    # --- at once: nothing here waits --------------------------------------------------------------------------
+
+    def estop(self) -> None:
+        """W98 now, before every other byte; the job fails. Raises ProblemError when the machine cannot be reached."""
+        link, job = self._link, self.stream.active_job
+        if link is not None:
+            link.realtime(EmergencyStop(self.manual.next_token()))
+        self.manual.sweep(ProblemError("command_failed", "The emergency stop was demanded."))
+        if self.stream.runner is not None:
+            self.stream.react(self.stream.runner.emergency())
+        self.stream.note("estop_demanded", job=job, reached_wire=link is not None)
+        if link is None:
+            raise ProblemError(
+                "not_connected", f"{self.name} is not connected: use the emergency button at the machine itself."
+            )
+
+    def pause(self) -> None:
+        """Stand still after the batch in flight. Raises ProblemError."""
+        runner = self.stream.runner
+        if runner is None or runner.status not in (Status.RUNNING, Status.WAITING):
+            raise ProblemError("wrong_state", f"There is no running job on {self.name} to pause.")
+        self.stream.react(runner.pause())
+
+    def resume(self) -> None:
+        """Go on after a pause. Raises ProblemError."""
+        runner = self.stream.runner
+        if runner is None or not runner.holding or runner.status is Status.INTERRUPTED:
+            raise ProblemError("wrong_state", f"There is no paused job on {self.name}.")
+        self.check_takes_commands()
+        self.stream.react(runner.resume())
+
+    def stop(self) -> None:
+        """Cancel the job after the batch in flight, and what was asked by hand and not sent. Raises ProblemError."""
+        runner, had_manual = self.stream.runner, self.manual.busy
+        self.manual.sweep(ProblemError("command_failed", "A stop was demanded."))
+        if runner is not None:
+            self.stream.note("cancel_demanded")
+            self.stream.react(runner.cancel())
+        elif not had_manual:
+            raise ProblemError("wrong_state", f"Nothing is running on {self.name}.")
+
+    def cancel_jog(self) -> None:
+        """Take back the jogs that are not with the machine yet; this protocol cannot stop one that is."""
+        self.manual.drop_jogs()
+
+    # --- the link ---------------------------------------------------------------------------------------------
+
+    async def connect(self) -> None:
+        """Open the port and keep it open."""
+        self._reconnect.want()
+        self._publish_state()
+
+    async def disconnect(self) -> None:
+        """Close the port and leave it closed. Raises ProblemError while a job runs."""
+        self._check_no_job()
+        self.close()
+
+    async def reset(self) -> None:
+        """Clear an alarm and greet the machine anew (INIT). Raises ProblemError."""
+        self._check_no_job()
+        port = self._port
+        if port is None:
+            raise ProblemError("not_connected", f"{self.name} is not connected.")
+        if self._ready and not self.manual.busy:
+            answer = self.manual.put(ClearAlarm)
+            self._pump()
+            await asyncio.wait([answer], timeout=ALARM_CLEARED_WITHIN_S)
+        self._check_no_job()
+        if self._port is not port:
+            raise ProblemError("no_answer", f"The link to {self.name} broke.")
+        self._end_engine("the machine is being reset")
+        if self.stream.runner is not None:
+            # An interrupted job: INIT makes the machine forget, so what is still open will never be known.
+            self.stream.react(self.stream.runner.forget())
+        self._start_engine(port, None)
+
+    def check_takes_commands(self) -> None:
+        """Raises ProblemError unless the machine is connected and not in alarm."""
+        if not self._ready:
+            raise ProblemError("not_connected", f"{self.name} is {self.link_status}. Check the cable and the port.")
+        if self.state.status == "alarm":
+            message = "" if self.state.alarm is None else f" ({self.state.alarm.message})"
+            raise ProblemError("alarm_active", f"{self.name} is in alarm{message}: unlock it first.")
+
+    def _check_no_job(self) -> None:
+        if self.stream.moving:
+            raise ProblemError("job_active", f"Job {self.stream.active_job} uses {self.name}.")
+
+    def check_by_hand(self) -> None:
+        """Raises ProblemError unless somebody may use the machine by hand now."""
+        self._check_no_job()
+        self.check_takes_commands()
+        if self.state.status == "run" and not self.manual.busy:
+            raise ProblemError("machine_busy", f"{self.name} is running a program of its own.")
+
+    def check_can_start(self) -> None:
+        """Raises ProblemError unless a job may begin now."""
+        if self.stream.active_job is not None:
+            status = self.stream.status
+            raise ProblemError("job_active", f"Job {self.stream.active_job} on {self.name} is {status}.")
+        self.check_by_hand()
+        if self.manual.busy:
+            raise ProblemError("machine_busy", f"{self.name} executes a command by hand.")
+
+    # --- by hand ----------------------------------------------------------------------------------------------
+
+    async def home(self) -> None:
+        """G28. Answers when it is accepted; the state shows the rest. Raises ProblemError."""
+        self.check_by_hand()
+        self._put_block(("G28",))
+
+    async def unlock(self) -> None:
+        """RESETALERT. Raises ProblemError."""
+        self._check_no_job()
+        if not self._ready:
+            raise ProblemError("not_connected", f"{self.name} is {self.link_status}.")
+        answer = self.manual.put(ClearAlarm)
+        self._pump()
+        _refused(await answer)
+
+    async def run_blocks(self, blocks: list[str]) -> list[dict[str, Any]]:
+        """Run blocks one after the other; a result for each that was sent. Raises ProblemError."""
+        self.check_by_hand()
+        for block in blocks:
+            if not block.strip() or not block.isprintable() or FORBIDDEN & set(block):
+                raise ProblemError("invalid_request", f"{block!r} is not one block of G-code.")
+        results: list[dict[str, Any]] = []
+        for block in blocks:
+            answer = self._put_block((block.strip(),))
+            event = await answer
+            if isinstance(event, CommandFailed):
+                error = {"code": event.code, "message": event.message}
+                return [*results, {"block": block, "ok": False, "error": error}]
+            results.append({"block": block, "ok": True, "error": None})
+            self.check_by_hand()
+        return results
+
+    async def jog(self, axes: dict[str, float], feed: float) -> None:
+        """A relative move; answers when it is accepted. Raises ProblemError."""
+        self.check_by_hand()
+        words = " ".join(f"{axis.upper()}{_number(way)}" for axis, way in sorted(axes.items()))
+        move = f"G1 {words} F{_number(feed)}"
+        match self.state.absolute:
+            case False:
+                blocks: tuple[str, ...] = (move,)
+            case True:
+                blocks = ("G91", move, "G90")
+            case None:
+                blocks = ("W70", "G91", move, "W71")  # the machine itself remembers its mode (elvinto §6)
+        self._put_block(blocks, droppable=True)
+
+    async def list_files(self) -> dict[str, Any]:
+        """The root folder of the SD card. Raises ProblemError."""
+        self.check_by_hand()
+        answer = self.manual.put(ListFiles)
+        self._pump()
+        event = await answer
+        _refused(event)
+        assert isinstance(event, FilesListed)
+        return {"card": event.card, "readable": event.readable, "names": list(event.names), "problem": event.problem}
+
+    async def run_file(self, name: str) -> None:
+        """Run a program from the SD card; answers when it has begun. Raises ProblemError."""
+        self.check_by_hand()
+        answer = self.manual.put(lambda token: RunFile(token, name))
+        self._pump()
+        _refused(await answer)
+
+    def _put_block(
+        self, blocks: tuple[str, ...], *, droppable: bool = False
+    ) -> "asyncio.Future[CommandDone | CommandFailed | FilesListed]":
+        answer = self.manual.put(lambda token: RunBlock(token, blocks), droppable=droppable)
+        self._pump()
+        return answer
+
+    # --- the tool ---------------------------------------------------------------------------------------------
+
+    async def confirm_tool(self) -> None:
+        """The operator has put the tool in. Raises ProblemError."""
+        runner = self.stream.runner
+        if runner is not None and runner.status is Status.WAITING:
+            self.check_takes_commands()
+            if runner.tool is not None:
+                self.state = replace(self.state, tool_requested=runner.tool)
+            self.state = tool_confirmed(self.state)
+            self.stream.note("tool_confirmed", tool=runner.tool)
+            self.stream.react(runner.confirm_tool())
+        elif self.state.tool_requested is not None:
+            self.state = tool_confirmed(self.state)
+        else:
+            raise ProblemError("wrong_state", f"{self.name} does not wait for a tool.")
+        self._publish_state()
+
+
+def _refused(event: CommandDone | CommandFailed | FilesListed) -> None:
+    if isinstance(event, CommandFailed):
+        number = "" if event.code is None else f" (code {event.code})"
+        raise ProblemError("command_failed", f"The machine refused it{number}: {event.message}")
+
+
+def _number(value: float) -> str:
+    """Without an exponent, which no controller reads."""
+    return f"{value:.4f}".rstrip("0").rstrip(".")

@@ -1,0 +1,262 @@
+"""The one writer: a thread that owns the database and is handed functions; and a twin without a thread for tests.
+
+`run` waits for a result (requests of people). `post` does not wait (the stream): posted functions are committed in
+the order in which they came, several in one transaction, and `then` is called on the loop when they are durable.
+The one rule: a posted write is never overtaken. When the disk is full the writer tries again until it succeeds; the
+journal stands still, so the stream stops by itself, and nothing that depends on the missing row is ever written.
+"""
+
+import asyncio
+import logging
+import sqlite3
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
+
+from sqlite_utils import Database
+
+from jobs.schema import prepare
+from server.problems import ProblemError
+
+T = TypeVar("T")
+P = ParamSpec("P")
+
+log = logging.getLogger(__name__)
+
+GROUP = 64
+"""Most posted functions in one transaction: one sync of the disk for all of them."""
+RETRY_S = 0.5
+"""Between two attempts of a write that failed."""
+
+
+class Db(Protocol):
+    """What the services see of the database."""
+
+    async def run(self, fn: Callable[Concatenate[Database, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """Run `fn(db, ...)` in a transaction of its own, after everything posted before; its result or its error."""
+
+    def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
+        """Have `fn(db, *args)` done, in order, and `then` called on the loop when it is durable. Never waits."""
+
+    @property
+    def trouble(self) -> str | None:
+        """Why nothing can be written at the moment."""
+
+
+@dataclass(slots=True)
+class _Post:
+    fn: Callable[..., Any]
+    args: tuple[Any, ...]
+    then: Callable[[], None] | None
+
+
+@dataclass(slots=True)
+class _Run:
+    fn: Callable[[Database], Any]
+    future: asyncio.Future[Any]
+
+
+def refusal(error: sqlite3.Error) -> Exception:
+    """A full disk is the user's to mend; everything else of SQLite is an error of the daemon."""
+    if "full" in str(error) or "readonly" in str(error):
+        return ProblemError("disk_full", f"The database cannot be written ({error}). Free some space and try again.")
+    return error
+
+
+def in_transaction(db: Database, fn: Callable[[Database], T]) -> T:
+    """Run `fn` and commit, or roll back. `fn` may commit by itself."""
+    try:
+        result = fn(db)
+        if db.conn.in_transaction:
+            db.conn.commit()
+    except BaseException:
+        db.conn.rollback()
+        raise
+    return result
+
+
+@dataclass(slots=True)
+class _Shared:
+    """What both threads touch, under `wake`."""
+
+    wake: threading.Condition = field(default_factory=threading.Condition)
+    waiting: deque[_Post | _Run] = field(default_factory=deque)
+    closing: bool = False
+    trouble: str | None = None
+
+
+class DbThread:
+    """The writer thread. Made on the loop's thread; `close` ends it after everything posted is durable."""
+
+    def __init__(self, path: Path, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+        self._shared = _Shared()
+        self._db = Database(sqlite3.connect(path, check_same_thread=False))
+        prepare(self._db)
+        self._thread = threading.Thread(target=self._main, name="database", daemon=True)
+        self._thread.start()
+
+    @property
+    def trouble(self) -> str | None:
+        return self._shared.trouble
+
+    async def run(self, fn: Callable[Concatenate[Database, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
+        future: asyncio.Future[T] = self._loop.create_future()
+        self._put(_Run(lambda db: fn(db, *args, **kwargs), future))
+        return await future
+
+    def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
+        self._put(_Post(fn, args, then))
+
+    async def close(self) -> None:
+        """Everything posted is written (or given up, when it cannot be), then the thread ends."""
+        with self._shared.wake:
+            self._shared.closing = True
+            self._shared.wake.notify()
+        await asyncio.to_thread(self._thread.join)
+        self._db.close()
+
+    def _put(self, item: _Post | _Run) -> None:
+        with self._shared.wake:
+            self._shared.waiting.append(item)
+            self._shared.wake.notify()
+
+    def _main(self) -> None:
+        while (work := self._take()) is not None:
+            if isinstance(work, _Run):
+                self._answer(work)
+            else:
+                self._commit(work)
+
+    def _take(self) -> _Run | list[_Post] | None:
+        """The next request, or the next posted functions up to it; None at the end."""
+        shared = self._shared
+        with shared.wake:
+            while not shared.waiting:
+                if shared.closing:
+                    return None
+                shared.wake.wait()
+            group: list[_Post] = []
+            while shared.waiting and len(group) < GROUP:
+                head = shared.waiting[0]
+                if isinstance(head, _Run):
+                    return group or self._pop_run()
+                group.append(head)
+                shared.waiting.popleft()
+            return group
+
+    def _pop_run(self) -> _Run:
+        run = self._shared.waiting.popleft()
+        assert isinstance(run, _Run)
+        return run
+
+    def _answer(self, run: _Run) -> None:
+        try:
+            result = in_transaction(self._db, run.fn)
+        except sqlite3.OperationalError as error:
+            self._resolve(run, None, refusal(error))
+        except Exception as error:  # noqa: BLE001 - it is raised again where the request waits for it
+            self._resolve(run, None, error)
+        else:
+            self._resolve(run, result, None)
+
+    def _commit(self, group: list[_Post]) -> None:
+        def all_of_them(db: Database) -> None:
+            db.begin()
+            for post in group:
+                post.fn(db, *post.args)
+
+        while True:
+            try:
+                in_transaction(self._db, all_of_them)
+            except Exception as error:  # noqa: BLE001 - the outermost loop of this thread
+                # A bug of ours is treated like a full disk: nothing overtakes it, so the stream stands still.
+                if not self._stuck(error):
+                    return
+                continue
+            self._shared.trouble = None
+            for post in group:
+                if post.then is not None:
+                    self._call(post.then)
+            return
+
+    def _stuck(self, error: Exception) -> bool:
+        """Wait for better times, and send those away who could not wait; False when the daemon ends."""
+        shared = self._shared
+        if shared.trouble != str(error):
+            log.error("The database cannot be written; the journal stands still", exc_info=error)
+        shared.trouble = str(error)
+        with shared.wake:
+            for item in [item for item in shared.waiting if isinstance(item, _Run)]:
+                shared.waiting.remove(item)
+                self._resolve(item, None, ProblemError("disk_full", f"The database cannot be written: {error}"))
+            if shared.closing:
+                return False
+            shared.wake.wait(RETRY_S)
+        return True
+
+    def _resolve(self, run: _Run, result: Any, error: Exception | None) -> None:
+        def settle() -> None:
+            if run.future.done():
+                return  # the request was given up meanwhile
+            if error is None:
+                run.future.set_result(result)
+            else:
+                run.future.set_exception(error)
+
+        self._call(settle)
+
+    def _call(self, then: Callable[[], None]) -> None:
+        try:
+            self._loop.call_soon_threadsafe(then)
+        except RuntimeError:
+            log.warning("The event loop ended before the database did")
+
+
+class InlineDb:
+    """The same without a thread, for simulated time. `latency_s` is how long a posted write takes to be durable."""
+
+    def __init__(self, path: Path | str, loop: asyncio.AbstractEventLoop, *, latency_s: float = 0.0) -> None:
+        self._loop = loop
+        self._latency_s = latency_s
+        self._posted: deque[_Post] = deque()
+        self._timer: asyncio.TimerHandle | None = None
+        self.trouble: str | None = None
+        self.db = Database(sqlite3.connect(path))
+        prepare(self.db)
+
+    async def run(self, fn: Callable[Concatenate[Database, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
+        self.commit()
+        try:
+            return in_transaction(self.db, lambda db: fn(db, *args, **kwargs))
+        except sqlite3.OperationalError as error:
+            raise refusal(error) from error
+
+    def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
+        self._posted.append(_Post(fn, args, then))
+        if self._timer is None:
+            self._timer = self._loop.call_later(self._latency_s, self.commit)
+
+    def commit(self) -> None:
+        """Make everything posted durable, in order."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        posted, self._posted = self._posted, deque()
+        for post in posted:
+            in_transaction(self.db, lambda db, post=post: post.fn(db, *post.args))  # type: ignore[misc]
+            if post.then is not None:
+                self._loop.call_soon(post.then)
+
+    async def close(self) -> None:
+        self.commit()
+        self.db.close()
+
+    def crash(self) -> None:
+        """What is not durable yet never will be."""
+        self._posted.clear()
+        self.commit()
+        self.db.close()

@@ -1,0 +1,247 @@
+"""Carries out what the runner of a machine's job wants: journal, wire, status, history. Decides nothing itself.
+
+The one rule: effects are carried out in the order in which the runner gave them, and nothing here waits: the journal
+is posted, the engine is handed a batch, and whatever happens then comes back as an event.
+"""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from typing import Any, assert_never
+
+from jobs import history, journal, store
+from jobs.effects import Effect, Entry, JournalBatch, MarkBatch, Note, RowStatus, SetHold, SetStatus, Submit
+from jobs.job import ENDED, MOVING, Status
+from jobs.runner import Runner
+from jobs.store import Row
+from protocol.engine import Engine, OpenWork
+from protocol.events import BatchSent, Event
+from server.clock import Clock, seconds_since, stamp
+from server.dbthread import Db
+from server.hub import Hub
+from server.metrics import MachineMetrics
+from server.views import job_view
+
+PROGRESS_EVERY_S = 0.25
+"""Progress is announced at most this often; changes of status always."""
+ALIVE_EVERY_S = 1.0
+"""How often the last sign of life is made durable (elvinto §5.5 measures the break from it)."""
+TROUBLES = frozenset({Status.FAILED, Status.INTERRUPTED})
+
+
+class JobStream:
+    """The job side of one machine: at most one runner. `frames` gives the last frames for the history."""
+
+    def __init__(
+        self,
+        machine: str,
+        *,
+        db: Db,
+        hub: Hub,
+        clock: Clock,
+        loop: asyncio.AbstractEventLoop,
+        metrics: MachineMetrics,
+        frames: Callable[[], dict[str, Any]],
+    ) -> None:
+        self.machine = machine
+        self.runner: Runner | None = None
+        self.row: Row | None = None
+        self.reserved: int | None = None
+        self.on_status: Callable[[int, Status], None] = lambda _job, _status: None
+        self._db = db
+        self._hub = hub
+        self._clock = clock
+        self._loop = loop
+        self._metrics = metrics
+        self._frames = frames
+        self._engine: Engine | None = None
+        self._todo: deque[Effect] = deque()
+        self._busy = False
+        self._pump: Callable[[], None] = lambda: None
+        self._overdue: asyncio.TimerHandle | None = None
+        self._progress_at = 0.0
+        self._alive_at = 0.0
+
+    # --- what is derived --------------------------------------------------------------------------------------
+
+    @property
+    def status(self) -> Status | None:
+        """Of the job that has this machine."""
+        if self.reserved is not None:
+            return Status.CHECKING
+        return None if self.runner is None else self.runner.status
+
+    @property
+    def active_job(self) -> int | None:
+        """The id of the job that has this machine."""
+        if self.reserved is not None:
+            return self.reserved
+        return None if self.runner is None else self.runner.job_id
+
+    @property
+    def moving(self) -> bool:
+        """A job owns the machine: nothing runs by hand beside it."""
+        return self.status in MOVING
+
+    def view(self) -> dict[str, Any] | None:
+        """The job as people see it, from the runner, which knows more than the database."""
+        if self.row is None or self.runner is None:
+            return None
+        return job_view(self.row, self._clock, self.runner)
+
+    # --- the job ----------------------------------------------------------------------------------------------
+
+    def begin(self, row: Row, runner: Runner, effects: list[Effect]) -> None:
+        """The machine is this job's from now on."""
+        self.reserved = None
+        self.row = row
+        self.runner = runner
+        self.react(effects)
+
+    def adopt_alive(self, at: str | None) -> float:
+        """The last sign of life that is durable, in the loop's time; long ago when it is not known."""
+        passed_s = seconds_since(self._clock, at)
+        return -float("inf") if passed_s is None else self._loop.time() - passed_s
+
+    def react(self, effects: list[Effect]) -> bool:
+        """Carry out effects, and then whatever the runner can do next; True when something was submitted."""
+        self._todo.extend(effects)
+        if self._busy:
+            return False
+        self._busy = True
+        submitted = False
+        try:
+            while self._todo or self._advance():
+                effect = self._todo.popleft()
+                submitted |= isinstance(effect, Submit)
+                self._perform(effect)
+        finally:
+            self._busy = False
+        self._arm()
+        if self.runner is not None and self.runner.over:
+            self.runner = self.row = None
+        self._pump()
+        return submitted
+
+    def _advance(self) -> bool:
+        if self.runner is None or self._engine is None:
+            return False
+        self._todo.extend(self.runner.advance(self._engine.next_id, free=self._engine.free() > 0))
+        return bool(self._todo)
+
+    # --- the link ---------------------------------------------------------------------------------------------
+
+    def inherit(self) -> OpenWork | None:
+        """What the next epoch's engine has to know; None when no job is under way (protocol.engine.OpenWork)."""
+        if self.runner is None:
+            return None
+        past = self.runner.inherit()
+        return OpenWork(past.batches, past.start, past.move_until)
+
+    def link_up(self, engine: Engine, pump: Callable[[], None]) -> None:
+        """A new epoch has begun; it does not take commands yet."""
+        self._engine = engine
+        self._pump = pump
+
+    def link_down(self, *, last_life_at: float) -> None:
+        """The epoch is over."""
+        self._engine = None
+        self._pump = lambda: None
+        if self.runner is not None:
+            self.react(self.runner.link_down(last_life_at=last_life_at))
+
+    def handle(self, event: Event) -> None:
+        """What the engine reports."""
+        if self.runner is None:
+            return
+        if isinstance(event, BatchSent) and event.attempt > 1:
+            self._metrics.retries += 1
+        self.react(self.runner.handle(event, now=self._loop.time(), at=stamp(self._clock)))
+
+    def heard(self) -> None:
+        """The machine gave a sign of life."""
+        if self.runner is not None and self._loop.time() - self._alive_at >= ALIVE_EVERY_S:
+            self._alive_at = self._loop.time()
+            self._db.post(journal.alive, self.machine, stamp(self._clock))
+
+    # --- effects ----------------------------------------------------------------------------------------------
+
+    def _perform(self, effect: Effect) -> None:
+        runner = self.runner
+        assert runner is not None
+        match effect:
+            case JournalBatch(entry=entry):
+                self._journal(runner, entry)
+            case Submit(command=command):
+                assert self._engine is not None
+                self._engine.submit(command, self._loop.time())
+            case MarkBatch():
+                self._db.post(journal.mark, effect)
+                self._marked(effect)
+            case SetStatus():
+                self._set_status(runner, effect)
+            case SetHold(hold=hold):
+                self._db.post(store.set_hold, runner.job_id, hold)
+                self.note("pause_demanded" if hold else "resumed")
+                self.announce()
+            case Note(kind=kind, data=data):
+                self.note(kind, **data)
+            case _:
+                assert_never(effect)
+
+    def _journal(self, runner: Runner, entry: Entry) -> None:
+        def durable() -> None:
+            runner.journaled(entry.seq, entry.wire_id)
+            if self.runner is runner:
+                self.react([])
+
+        self._db.post(journal.journal, self.machine, entry, stamp(self._clock), then=durable)
+
+    def _marked(self, mark: MarkBatch) -> None:
+        if mark.status is RowStatus.OK:
+            self._metrics.batches += 1
+            self._metrics.blocks += len(mark.entry.batch.blocks)
+            self._metrics.inferred += mark.inferred
+        if self._loop.time() - self._progress_at >= PROGRESS_EVERY_S:
+            self.announce()
+
+    def _set_status(self, runner: Runner, effect: SetStatus) -> None:
+        at = stamp(self._clock)
+        self._db.post(lambda db: store.set_status(db, runner.job_id, effect, at=at))
+        if effect.after in TROUBLES and effect.before is not effect.after:
+            self.note("frames", **self._frames())
+        assert self.row is not None
+        self.row = {
+            **self.row,
+            "started_at": self.row["started_at"] or (at if effect.after is Status.RUNNING else None),
+            "ended_at": at if effect.after in ENDED else None,
+        }
+        self.announce()
+        if effect.after is Status.WAITING:
+            self._hub.publish("tool", self.machine, {"tool": effect.tool, "job": runner.job_id})
+        if effect.before is not effect.after:
+            self.on_status(runner.job_id, effect.after)
+
+    def note(self, kind: str, *, job: int | None = None, **data: Any) -> None:
+        """Write into the history, of `job` or of the one that has this machine."""
+        job, at, machine = job or self.active_job, stamp(self._clock), self.machine
+        self._db.post(lambda db: history.append(db, at=at, kind=kind, data=data, machine=machine, job=job))
+
+    def announce(self) -> None:
+        """Tell everybody how the job stands."""
+        view = self.view()
+        if view is not None:
+            self._progress_at = self._loop.time()
+            self._hub.publish("job", self.machine, view)
+
+    def _arm(self) -> None:
+        if self._overdue is not None:
+            self._overdue.cancel()
+            self._overdue = None
+        deadline = None if self.runner is None else self.runner.deadline()
+        if deadline is not None:
+            self._overdue = self._loop.call_at(deadline, self._late)
+
+    def _late(self) -> None:
+        if self.runner is not None:
+            self.react(self.runner.overdue(now=max(self._loop.time(), self.runner.deadline() or 0.0)))

@@ -1,0 +1,89 @@
+"""The pump between a transport and an engine, for one connection epoch. Understands neither bytes nor events.
+
+The one rule: after every input, write what the engine has to send, hand over what happened, offer what it can take,
+re-arm the one timer.
+"""
+
+import asyncio
+from collections.abc import Callable
+
+from protocol.commands import RealtimeCommand
+from protocol.engine import Engine
+from protocol.events import Event
+
+
+class Link:
+    """One epoch. `write` takes bytes and never waits. `on_quiet` is called when everything was handed over, for an
+    engine can become free without an event; it says whether it submitted something."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        write: Callable[[bytes], None],
+        on_event: Callable[[Event], None],
+        on_quiet: Callable[[], bool],
+        loop: asyncio.AbstractEventLoop,
+    ) -> None:
+        self.engine = engine
+        self._write = write
+        self._on_event = on_event
+        self._on_quiet = on_quiet
+        self._loop = loop
+        self._timer: asyncio.TimerHandle | None = None
+        self._pumping = False
+        self._closed = False
+
+    def receive(self, data: bytes) -> None:
+        """Bytes that came in."""
+        if self._closed:
+            return  # what the old port still had in its buffers
+        self.engine.receive_data(data, self._loop.time())
+        self.pump()
+
+    def realtime(self, command: RealtimeCommand) -> None:
+        """Hand a realtime command to the engine; its bytes go out before this returns."""
+        self.engine.realtime(command, self._loop.time())
+        self._flush()
+        self.pump()
+
+    def pump(self) -> None:
+        """Move everything that can be moved. Harmless at any time; from inside a callback it is taken up outside."""
+        if self._pumping:
+            return
+        self._pumping = True
+        try:
+            self._hand_over()
+            while self._open() and self._on_quiet():
+                self._hand_over()
+        finally:
+            self._pumping = False
+        self._arm()
+
+    def close(self) -> None:
+        """The epoch is over: nothing comes in or goes out any more."""
+        self._closed = True
+        self._arm()
+
+    def _open(self) -> bool:
+        return not self._closed
+
+    def _hand_over(self) -> None:
+        self._flush()
+        while self._open() and (event := self.engine.next_event()) is not None:
+            self._on_event(event)
+            self._flush()
+
+    def _flush(self) -> None:
+        if not self._closed and (data := self.engine.data_to_send(self._loop.time())):
+            self._write(data)
+
+    def _arm(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if not self._closed and (due_at := self.engine.next_timer()) is not None:
+            self._timer = self._loop.call_at(due_at, self._tick)
+
+    def _tick(self) -> None:
+        self.engine.handle_timer(self._loop.time())
+        self.pump()

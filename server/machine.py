@@ -1,0 +1,264 @@
+"""One machine: its link, its state, its job. What happens to it; what people ask of it is in controller.py.
+
+Not the wire (protocol), not the job's logic (jobs/runner.py), not HTTP. The one rule: what a machine is doing is in
+`state`, what a job is doing in the runner; nothing of either is kept here a second time.
+"""
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from protocol.engine import Engine, OpenWork
+from protocol.events import Event, LinkLost, LinkReady, MachineRestarted, MessageSeen, ProtocolFault, ToolRequested
+from protocol.machine import MachineState, reduce
+from server.clock import Clock, stamp
+from server.config import MachineConfig
+from server.dbthread import Db
+from server.hub import Hub
+from server.jobstream import JobStream
+from server.link import Link
+from server.manual import Manual
+from server.metrics import MachineMetrics
+from server.reconnect import Reconnect
+from server.recorder import Recorder, dump
+from server.serialport import Opener, Port
+from server.timing import AckTimer
+from server.views import alarm_view, state_view
+
+log = logging.getLogger(__name__)
+
+CAPABILITIES = (
+    "connect", "home", "unlock", "reset", "estop", "pause", "resume", "stop", "jog", "commands", "sd", "tool_confirm"
+)  # fmt: skip
+FIRST_ID = 1000
+ID_STEP = 1000
+"""A new epoch begins at the next full thousand but one above every ID ever journaled: room for IDs that were used
+for probes and commands by hand and are in no journal (elvinto §5.1: IDs never go back)."""
+LOG_EVERY_S = 1.0
+"""Of each kind of protocol fault; noise on a wire must not push what matters out of the hub. All are counted."""
+
+
+class EngineFactory(Protocol):
+    """Makes the engine of an epoch."""
+
+    def __call__(self, *, first_id: int, now: float, open_work: OpenWork | None) -> Engine: ...
+
+
+class Machine:
+    """See the head of this file. Made on the loop; `highest_id` is the highest wire ID in the journal."""
+
+    def __init__(
+        self,
+        config: MachineConfig,
+        *,
+        db: Db,
+        hub: Hub,
+        clock: Clock,
+        opener: Opener,
+        engine: EngineFactory,
+        highest_id: int = 0,
+    ) -> None:
+        self.config = config
+        self.name = config.name
+        self.state = MachineState()
+        self.metrics = MachineMetrics()
+        self.queue_length: Callable[[], int] = lambda: 0
+        self._hub = hub
+        self._clock = clock
+        self._loop = asyncio.get_running_loop()
+        self._opener = opener
+        self._make_engine = engine
+        self._highest_id = highest_id
+        self._link: Link | None = None
+        self._port: Port | None = None
+        self._engine: Engine | None = None
+        self._ready = False
+        self._last_life_at = -float("inf")
+        self._state_seq = 0
+        self._state_at: str | None = None
+        self._logged_at: dict[str, float] = {}
+        self._recorder = Recorder()
+        self._acks = AckTimer(self.metrics)
+        self._reconnect = Reconnect(self._open_epoch, self._refused)
+        self.manual = Manual(self.name, self._loop)
+        self.stream = JobStream(
+            self.name,
+            db=db,
+            hub=hub,
+            clock=clock,
+            loop=self._loop,
+            metrics=self.metrics,
+            frames=self._frames,
+        )
+
+    # --- views ------------------------------------------------------------------------------------------------
+
+    @property
+    def link_status(self) -> str:
+        """`disconnected`, `connecting` or `connected`."""
+        if self._ready:
+            return "connected"
+        return "connecting" if self._reconnect.wanted else "disconnected"
+
+    def view(self) -> dict[str, Any]:
+        """The machine (api.md)."""
+        return {
+            "name": self.name,
+            "protocol": self.config.protocol,
+            "port": self.config.port,
+            "link": self.link_status,
+            "capabilities": list(CAPABILITIES),
+            "state": self.state_view(),
+            "active_job": self.stream.active_job,
+            "queue_length": self.queue_length(),
+            "link_stats": {
+                "epoch": self._reconnect.epoch,
+                "retries": self.metrics.retries,
+                "errors": dict(self.metrics.link_errors),
+            },
+        }
+
+    def state_view(self) -> dict[str, Any]:
+        """The machine's state (api.md)."""
+        return state_view(self.state, seq=self._state_seq, at=self._state_at)
+
+    def console(self, limit: int) -> list[dict[str, Any]]:
+        """The last messages both ways, oldest first."""
+        return self._recorder.console(limit)
+
+    # --- the link ---------------------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Close the port and leave it closed; the job, if there is one, is not asked."""
+        self._reconnect.unwant()
+        self._end_epoch("the port was closed", wanted=False)
+
+    async def _open_epoch(self, epoch: int) -> None:
+        self._publish_state()
+        port = await self._opener(
+            self.config.port,
+            self.config.baud,
+            lambda data: self._received(epoch, data),
+            lambda reason: self._port_lost(epoch, reason),
+        )
+        self._port = port
+        self._start_engine(port, self.stream.inherit())
+
+    def _start_engine(self, port: Port, open_work: OpenWork | None) -> None:
+        now = self._loop.time()
+        first_id = max(FIRST_ID, -(-self._highest_id // ID_STEP) * ID_STEP + ID_STEP)
+        engine = self._make_engine(first_id=first_id, now=now, open_work=open_work)
+        self._engine = engine
+        self._link = Link(engine, port.write, self._handle, self._offer, self._loop)
+        self.stream.link_up(engine, self._pump)
+        self._pump()
+
+    def _end_engine(self, reason: str) -> None:
+        link, self._link = self._link, None
+        if link is None:
+            return
+        link.close()
+        self._ready = False
+        self._highest_id = max(self._highest_id, link.engine.next_id)
+        self._reduce(LinkLost(reason))
+        self.stream.link_down(last_life_at=self._last_life_at)
+        self.manual.epoch_ended()
+
+    def _end_epoch(self, reason: str, *, wanted: bool = True) -> None:
+        self._end_engine(reason)
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
+            self.metrics.link_errors["lost"] += wanted
+            log.info("%s: the link is down: %s", self.name, reason)
+            self._hub.publish("log", self.name, {"level": "warning" if wanted else "info", "message": reason})
+        self._publish_state()
+        self._reconnect.lost(self._reconnect.epoch)
+
+    def _port_lost(self, epoch: int, reason: str) -> None:
+        if epoch == self._reconnect.epoch:
+            self._end_epoch(reason)
+
+    def _refused(self, reason: str) -> None:
+        log.info("%s: cannot open %s: %s", self.name, self.config.port, reason)
+        if self._reconnect.attempts == 0:
+            message = f"{self.config.port} cannot be opened: {reason}"
+            self._hub.publish("log", self.name, {"level": "warning", "message": message})
+
+    def _received(self, epoch: int, data: bytes) -> None:
+        if epoch == self._reconnect.epoch and self._link is not None:
+            self._link.receive(data)
+
+    def _pump(self) -> None:
+        if self._link is not None:
+            self._link.pump()
+
+    # --- events -----------------------------------------------------------------------------------------------
+
+    def _offer(self) -> bool:
+        """The engine may have become free: the job first, then what is asked by hand."""
+        if self._link is None:
+            return False
+        submitted = self.stream.react([])
+        return submitted or self.manual.offer(self._link.engine, self._loop.time())
+
+    def _handle(self, event: Event) -> None:
+        match event:
+            case MessageSeen():
+                self._seen(event)
+                return
+            case ProtocolFault():
+                self._fault(event)
+                return
+            case LinkReady():
+                self._ready = True
+                self.metrics.connects += 1
+                self._reconnect.proved()
+            case MachineRestarted():
+                self._ready = False
+            case _:
+                pass
+        self._acks.handle(event, self._loop.time())
+        self._reduce(event)
+        self.stream.handle(event)
+        self.manual.handle(event)
+        match event:
+            case LinkLost(reason=reason):
+                self._end_epoch(reason)
+            case LinkReady():
+                self._publish_state()
+            case ToolRequested(number=number) if not self.stream.moving:
+                self._hub.publish("tool", self.name, {"tool": number, "job": None})
+            case _:
+                pass
+
+    def _reduce(self, event: Event) -> None:
+        before, self.state = self.state, reduce(self.state, event)
+        if self.state is before:
+            return
+        self._publish_state()
+        if self.state.alarm != before.alarm:
+            self._hub.publish("alarm", self.name, {"alarm": alarm_view(self.state.alarm)})
+
+    def _publish_state(self) -> None:
+        self._state_seq += 1
+        self._state_at = stamp(self._clock)
+        self._hub.publish("state", self.name, {**self.state_view(), "link": self.link_status})
+
+    def _seen(self, message: MessageSeen) -> None:
+        if message.direction == "<":
+            self._last_life_at = self._loop.time()
+            self.stream.heard()
+        self._hub.publish("console", self.name, self._recorder.record(message, stamp(self._clock)))
+
+    def _fault(self, fault: ProtocolFault) -> None:
+        self.metrics.link_errors[fault.kind] += 1
+        now = self._loop.time()
+        if now - self._logged_at.get(fault.kind, -LOG_EVERY_S) >= LOG_EVERY_S:
+            self._logged_at[fault.kind] = now
+            data = {"level": "warning", "kind": fault.kind, "message": fault.detail}
+            self._hub.publish("log", self.name, data)
+
+    def _frames(self) -> dict[str, Any]:
+        return dump(() if self._engine is None else self._engine.recent_frames(), now=self._loop.time())

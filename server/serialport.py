@@ -1,0 +1,127 @@
+"""Opening what a machine hangs on: a serial device, a pty, `tcp://host:port`, or the built-in `sim:`.
+
+Not the pump (link.py) and not the trying again (reconnect.py). The one rule: opening happens off the loop's thread
+and exclusively, `write` never waits, and the loss of the port is told exactly once.
+"""
+
+import asyncio
+import socket
+from collections.abc import Callable
+from typing import Any, Protocol
+from urllib.parse import urlsplit
+
+import serial
+import serial_asyncio_fast
+
+OPEN_TIMEOUT_S = 5.0
+"""A TCP host that does not answer must not keep the machine in `connecting` for minutes."""
+
+OnData = Callable[[bytes], None]
+OnLost = Callable[[str], None]
+
+
+class Port(Protocol):
+    """An open port."""
+
+    def write(self, data: bytes) -> Any:
+        """Hand bytes to the wire; never waits. What is outstanding is bounded: the protocol is stop-and-wait."""
+
+    def close(self) -> Any:
+        """Close it; `on_lost` is not called for that."""
+
+
+class Opener(Protocol):
+    """Opens a port. Raises OSError when that cannot be done."""
+
+    async def __call__(self, url: str, baud: int, on_data: OnData, on_lost: OnLost) -> Port: ...
+
+
+class _Stream(asyncio.Protocol):
+    """A transport of asyncio as a Port."""
+
+    def __init__(self, on_data: OnData, on_lost: OnLost) -> None:
+        self._on_data = on_data
+        self._on_lost: OnLost | None = on_lost
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = transport  # type: ignore[assignment]
+
+    def data_received(self, data: bytes) -> None:
+        self._on_data(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        lost, self._on_lost = self._on_lost, None
+        if lost is not None:
+            lost(f"the port was closed: {exc}" if exc else "the port was closed by the other side")
+
+    def write(self, data: bytes) -> None:
+        if self._transport is not None:
+            self._transport.write(data)
+
+    def close(self) -> None:
+        self._on_lost = None
+        if self._transport is not None:
+            # Not close(): what still waits in its buffer belongs to an epoch that is over and must not go out.
+            self._transport.abort()
+
+
+async def open_port(url: str, baud: int, on_data: OnData, on_lost: OnLost) -> Port:
+    """Open whatever `url` names. Raises OSError (serial's errors are OSErrors)."""
+    if url.startswith("sim:"):
+        return await _open_simulated(url.removeprefix("sim:").removeprefix("?"), on_data)
+    if url.startswith("tcp://"):
+        return await _open_tcp(url, on_data, on_lost)
+    return await _open_device(url, baud, on_data, on_lost)
+
+
+async def _open_tcp(url: str, on_data: OnData, on_lost: OnLost) -> Port:
+    parts = urlsplit(url)
+    if parts.hostname is None or parts.port is None:
+        raise OSError(f"{url} is not tcp://host:port")
+    loop = asyncio.get_running_loop()
+    try:
+        async with asyncio.timeout(OPEN_TIMEOUT_S):
+            transport, stream = await loop.create_connection(
+                lambda: _Stream(on_data, on_lost), parts.hostname, parts.port
+            )
+    except TimeoutError as error:
+        raise OSError(f"{url} does not answer within {OPEN_TIMEOUT_S:g} s") from error
+    # An acknowledgement of a few bytes must not wait for a full segment.
+    transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return stream
+
+
+async def _open_device(path: str, baud: int, on_data: OnData, on_lost: OnLost) -> Port:
+    def open_blocking() -> serial.Serial:
+        # Two opens of one port are allowed unless exclusive is asked for, and each would get half of the answers.
+        return serial.Serial(path, baudrate=baud, exclusive=True, timeout=0, write_timeout=0)
+
+    try:
+        device = await asyncio.to_thread(open_blocking)
+    except ValueError as error:
+        raise OSError(f"{path}: {error}") from error
+    stream = _Stream(on_data, on_lost)
+    serial_asyncio_fast.SerialTransport(asyncio.get_running_loop(), stream, device)
+    await asyncio.sleep(0)  # the transport announces itself in the next round of the loop
+    return stream
+
+
+async def _open_simulated(query: str, on_data: OnData) -> Port:
+    from sim.elvinto.machine import VirtualElvinto
+    from sim.options import settings_from_query
+    from sim.shell import open_memory
+
+    now = asyncio.get_running_loop().time()
+    port: Port = await open_memory(VirtualElvinto(settings_from_query(query), now=now), on_data)
+    return port
+
+
+def list_ports() -> list[dict[str, Any]]:
+    """The serial devices of this computer."""
+    from serial.tools.list_ports import comports
+
+    return [
+        {"device": port.device, "description": port.description, "hardware_id": port.hwid}
+        for port in sorted(comports())
+    ]

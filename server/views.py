@@ -1,0 +1,96 @@
+"""How machines and jobs look in JSON (api.md). Reads only; computes nothing that is not derived from what it is given.
+
+The one rule: numbers are in mm, mm/min, rpm and s, times are RFC 3339 UTC, and what is unknown is null or absent.
+"""
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any
+
+from jobs.job import Status
+from jobs.runner import Runner
+from jobs.store import Row, error_of
+from protocol.events import Alarm
+from protocol.machine import MachineState
+from server.clock import Clock, seconds_since
+
+MICROMETRE_DIGITS = 4
+
+
+def _axes(position: Mapping[str, float]) -> dict[str, float]:
+    return {axis: round(value, MICROMETRE_DIGITS) for axis, value in sorted(position.items())}
+
+
+def alarm_view(alarm: Alarm | None) -> dict[str, Any] | None:
+    """An alarm as the controller numbers it."""
+    return None if alarm is None else {"code": alarm.code, "axis": alarm.axis, "message": alarm.message}
+
+
+def state_view(state: MachineState, *, seq: int, at: str | None) -> dict[str, Any]:
+    """The last known state of a machine."""
+    return {
+        "status": state.status,
+        "position": {"machine": _axes(state.position), "work": _axes(state.work_position)},
+        "feed": state.feed_mm_min,
+        "spindle": state.spindle_rpm,
+        "overrides": dict(state.overrides),
+        "alarm": alarm_view(state.alarm),
+        "absolute": state.absolute,
+        "tool": state.tool,
+        "tool_requested": state.tool_requested,
+        "inputs": dict(state.inputs),
+        "seq": seq,
+        "at": at,
+    }
+
+
+def job_view(row: Row, clock: Clock, runner: Runner | None = None) -> dict[str, Any]:
+    """A job, from its row and, while it is under way, from its runner, which knows more."""
+    error = error_of(row) if runner is None else runner.error
+    status = Status(row["status"]) if runner is None else runner.status
+    return {
+        "id": row["id"],
+        "status": status.value,
+        "program": row["program"],
+        "program_name": row["program_name"],
+        "machine": row["machine"],
+        "progress": _progress(row, clock, runner),
+        "error": None if error is None else error.view(),
+        "tool": row["tool"] if runner is None else runner.tool,
+        "hold": bool(row["hold"]) if runner is None else runner.holding,
+        "cancelling": runner is not None and runner.cancelling and status is Status.RUNNING,
+        "note": row["note"],
+        "start_line": row["start_line"],
+        "end_line": row["end_line"],
+        "rerun_of": row["rerun_of"],
+        "created_at": row["created_at"],
+        "started_at": row["started_at"],
+        "ended_at": row["ended_at"],
+    }
+
+
+def _progress(row: Row, clock: Clock, runner: Runner | None) -> dict[str, Any]:
+    done = row["line_done"] if runner is None else runner.cursor.done
+    first, last = row["start_line"], row["end_line"]
+    view = {
+        "line": done,
+        "lines": last,
+        "acknowledged_lines": max(0, done - first + 1),
+        "sent_line": done if runner is None else runner.cursor.sent,
+        "seconds_elapsed": _elapsed(row, clock),
+        "seconds_left": None,
+    }
+    if row["status"] != Status.QUEUED and runner is not None and row["total_seconds"] is not None:
+        view["seconds_left"] = round(max(0.0, row["total_seconds"] - runner.seconds_done), 1)
+    return view
+
+
+def _elapsed(row: Row, clock: Clock) -> float | None:
+    if row["started_at"] is None:
+        return None
+    if row["ended_at"] is None:
+        passed_s = seconds_since(clock, row["started_at"])
+    else:
+        began, ended = datetime.fromisoformat(row["started_at"]), datetime.fromisoformat(row["ended_at"])
+        passed_s = (ended - began).total_seconds()
+    return None if passed_s is None else round(passed_s, 1)
