@@ -1,4 +1,4 @@
-"""Fan-out of events to the readers of the WebSocket: sequence numbers, coalescing, replay, and the cutting of slow readers.
+"""Fan-out of events to the readers of the WebSocket: sequence numbers, coalescing, replay, cutting slow readers off.
 
 Not a socket (that is `server/ws.py`) and not a store: the history is in the database. It lives on the loop's thread.
 The one rule: `publish` never waits and never grows. A reader that does not read loses states first, console lines
@@ -52,7 +52,7 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class Filter:
-    """What a reader wants. Empty `machines` means all; `rate_hz` bounds its state messages a second, of all machines."""
+    """What a reader wants. Empty `machines` means all; `rate_hz` bounds its state messages a second in all."""
 
     topics: frozenset[str] = frozenset(TOPICS)
     machines: frozenset[str] = frozenset()

@@ -7,7 +7,7 @@ never a lock, a label look-up or a wait; the names of metrics are put together h
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.metrics_core import (
@@ -16,6 +16,8 @@ from prometheus_client.metrics_core import (
     HistogramMetricFamily,
     Metric,
 )
+from prometheus_client.registry import Collector as Base
+from sqlite_utils import Database
 
 from server.hub import Hub
 
@@ -76,10 +78,10 @@ class CountedMachine(Protocol):
 
     @property
     def metrics(self) -> MachineMetrics: ...
-    def view(self) -> dict[str, object]: ...
+    def view(self) -> dict[str, Any]: ...
 
 
-class Collector:
+class Collector(Base):
     """Reads the counters when Prometheus comes."""
 
     def __init__(self, machines: Mapping[str, CountedMachine], hub: Hub, jobs_by_status: Mapping[str, int]) -> None:
@@ -120,7 +122,7 @@ class Collector:
         for name, machine in self._machines.items():
             view = machine.view()
             connected.add_metric((name,), float(view["link"] == "connected"))
-            queue.add_metric((name,), float(str(view["queue_length"])))
+            queue.add_metric((name,), view["queue_length"])
         jobs = GaugeMetricFamily("millstream_jobs", "Jobs by status.", labels=("status",))
         for status, count in sorted(self._jobs_by_status.items()):
             jobs.add_metric((status,), count)
@@ -133,7 +135,9 @@ class Collector:
         yield events
         yield GaugeMetricFamily("millstream_websocket_clients", "WebSocket readers connected.", self._hub.readers)
         yield CounterMetricFamily(
-            "millstream_websocket_clients_dropped", "WebSocket readers cut because they did not read.", self._hub.cut_readers
+            "millstream_websocket_clients_dropped",
+            "WebSocket readers cut because they did not read.",
+            self._hub.cut_readers,
         )
 
     def _counter(self, name: str, text: str, read: Callable[[MachineMetrics], int]) -> Metric:
@@ -148,6 +152,11 @@ class Collector:
             histogram = read(control.metrics)
             family.add_metric((machine,), histogram.cumulative(), histogram.total)
         return family
+
+
+def jobs_by_status(db: Database) -> dict[str, int]:
+    """How many jobs there are in each status; runs where the database lives."""
+    return {row["status"]: row["n"] for row in db.query("select status, count(*) as n from jobs group by status")}
 
 
 def exposition(machines: Mapping[str, CountedMachine], hub: Hub, jobs_by_status: Mapping[str, int]) -> bytes:

@@ -17,7 +17,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from server.api.problems import internal_problem, problem_response
+from server.api.problems import internal_problem, problem_response, refuse_socket
 from server.auth import NOBODY, Principal, is_loopback
 from server.problems import ProblemError
 
@@ -113,7 +113,9 @@ class Guard:
         try:
             headers = Headers(scope=scope)
             self._check_site(scope, headers)
-            scope[PRINCIPAL_KEY] = await self._identify(bearer=bearer(headers), cookie=session_cookie(headers)) or NOBODY
+            scope[PRINCIPAL_KEY] = (
+                await self._identify(bearer=bearer(headers), cookie=session_cookie(headers)) or NOBODY
+            )
             await self._app(scope, receive, answer)
         except ProblemError as problem:
             await self._refuse(problem, scope, receive, answer)
@@ -135,25 +137,24 @@ class Guard:
             )
         if scope["type"] == "http" and scope["method"] in SAFE_METHODS:
             return
-        origin = headers.get("origin")
-        site = headers.get("sec-fetch-site", "none")
-        if origin is None:
-            # No Origin: not a browser, unless Sec-Fetch-Site says that it is one on another site's behalf.
-            foreign = site not in ("none", "same-origin")
-        else:
-            foreign = not self._hosts.same_site(origin, host)
-        if foreign:
+        if self._is_foreign(headers, host):
             raise ProblemError(
                 "bad_origin",
                 "The request was made by a page of another site. Open the dashboard at this daemon's own address.",
             )
 
+    def _is_foreign(self, headers: Headers, host: str | None) -> bool:
+        origin = headers.get("origin")
+        if origin is not None:
+            return not self._hosts.same_site(origin, host)
+        # No Origin: not a browser, unless Sec-Fetch-Site says that it is one on another site's behalf.
+        return headers.get("sec-fetch-site", "none") not in ("none", "same-origin")
+
     async def _refuse(self, problem: ProblemError, scope: Scope, receive: Receive, answer: "_Answer") -> None:
-        response = problem_response(problem)
         if scope["type"] == "websocket":
-            await WebSocket(scope, receive, answer).send_denial_response(response)
+            await refuse_socket(WebSocket(scope, receive, answer), problem)
         else:
-            await response(scope, receive, answer)
+            await problem_response(problem)(scope, receive, answer)
 
 
 class _Answer:

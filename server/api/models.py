@@ -16,6 +16,7 @@ MAX_FEED_MM_MIN = 1_000_000.0
 MAX_JOG_MM = 100_000.0
 
 TIME = "2026-03-01T09:30:00.250Z"
+EXAMPLE_SECRET = "mill_pWz0…"  # noqa: S105 - nobody's
 PROGRAM_ID = "5f70bf18a086007016e948b04aed3b82103a36bea41755b6cddfaf10ace3c6ef"
 
 
@@ -316,9 +317,7 @@ class JobRequest(BaseModel):
 class ProgressView(BaseModel):
     """How far a job is. `line` is the last line that is certainly done; times in s, null where unknown."""
 
-    model_config = example(
-        line=600, lines=1204, acknowledged_lines=600, seconds_elapsed=151.0, seconds_left=160.5
-    )
+    model_config = example(line=600, lines=1204, acknowledged_lines=600, seconds_elapsed=151.0, seconds_left=160.5)
     line: int
     lines: int
     acknowledged_lines: int
@@ -439,7 +438,7 @@ class JobReportView(BaseModel):
 class SessionRequest(BaseModel):
     """Sign in with a token."""
 
-    model_config = request_example(token="mill_pWz0…")
+    model_config = request_example(token=EXAMPLE_SECRET)
     token: Annotated[str, Field(min_length=1, max_length=512)]
 
 
@@ -487,6 +486,6 @@ class NewTokenView(TokenView):
         created_at=TIME,
         last_used_at=None,
         revoked_at=None,
-        token="mill_pWz0…",
+        token=EXAMPLE_SECRET,
     )
     token: str

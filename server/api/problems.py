@@ -12,6 +12,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
+from starlette.websockets import WebSocket
 
 from server.jsontext import dumps
 from server.problems import CODES, ProblemError
@@ -52,9 +53,19 @@ def problem_response(problem: ProblemError, headers: Mapping[str, str] | None = 
     return Response(dumps(problem_body(problem)), problem.status, extra, MEDIA_TYPE)
 
 
+async def refuse_socket(socket: WebSocket, problem: ProblemError) -> None:
+    """Refuse a WebSocket's handshake with a problem, or with a bare refusal where the server cannot say more."""
+    if "websocket.http.response" in socket.scope.get("extensions", {}):
+        await socket.send_denial_response(problem_response(problem))
+    else:
+        await socket.close()
+
+
 def internal_problem() -> ProblemError:
     """What a client is told about a fault of ours; the log has the rest."""
-    return ProblemError("internal", "Something went wrong in the daemon; its log says what. The machine was left as it is.")
+    return ProblemError(
+        "internal", "Something went wrong in the daemon; its log says what. The machine was left as it is."
+    )
 
 
 def install(app: FastAPI) -> None:

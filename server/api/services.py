@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from server.hub import Hub
 from server.metrics import MachineMetrics
-from server.tokens import TokenStore
+from server.tokens import RunInDatabase, TokenStore
 
 Json = dict[str, Any]
 
@@ -54,9 +54,7 @@ class Jobs(Protocol):
         force: bool = False,
         idempotency_key: str | None = None,
     ) -> Json: ...
-    async def list(
-        self, machine: str | None, status: str | None, limit: int, before: int | None
-    ) -> Sequence[Json]: ...
+    async def list(self, machine: str | None, status: str | None, limit: int, before: int | None) -> Sequence[Json]: ...
     async def get(self, job_id: int) -> Json: ...
     async def pause(self, job_id: int) -> Json: ...
     async def resume(self, job_id: int) -> Json: ...
@@ -98,6 +96,13 @@ class Settings(Protocol):
     def server(self) -> ServerSettings: ...
 
 
+class Database(Protocol):
+    """The writer thread (`server.dbthread.Db`)."""
+
+    @property
+    def run(self) -> RunInDatabase: ...
+
+
 class Services(Protocol):
     """Everything that is put together in `server/app.py`."""
 
@@ -113,3 +118,5 @@ class Services(Protocol):
     def tokens(self) -> TokenStore: ...
     @property
     def config(self) -> Settings: ...
+    @property
+    def db(self) -> Database: ...

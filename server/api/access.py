@@ -1,0 +1,107 @@
+"""Routes of access: signing in and out, and the tokens.
+
+Not the tokens themselves (`server/tokens.py`). The one rule: a secret is answered once, when it is made, and is in no
+log and no list.
+"""
+
+from typing import Annotated
+
+from fastapi import FastAPI, Path, Request
+from starlette.datastructures import Headers
+from starlette.responses import Response
+
+from server.api.guard import SESSION_COOKIE, session_cookie
+from server.api.models import NewTokenView, SessionRequest, SessionView, TokenRequest, TokenView
+from server.api.routing import Routes, json_response, principal_of
+from server.api.services import Json, Services
+from server.auth import SESSION_LIFETIME_S, Principal, Role
+from server.problems import ProblemError
+from server.tokens import TokenError
+
+TokenId = Annotated[str, Path(pattern=r"^[0-9a-zA-Z_-]{1,64}$", description="The token's id", examples=["9f2c41aa"])]
+
+
+def install(app: FastAPI, services: Services) -> None:
+    """The routes /session and /tokens."""
+    _session(app, services)
+    _tokens(app, services)
+
+
+def _session(app: FastAPI, services: Services) -> None:
+    routes = Routes(app, "access")
+
+    def view(principal: Principal) -> Json:
+        return {"name": principal.name, "role": principal.role.word, "open": services.tokens.open}
+
+    @routes.add("GET", "/session", role=Role.PUBLIC, summary="Who am I here", model=SessionView)
+    async def get_session(request: Request) -> Response:
+        """`public` means that a token is needed for everything else."""
+        return json_response(view(principal_of(request)))
+
+    @routes.add(
+        "POST",
+        "/session",
+        role=Role.PUBLIC,
+        summary="Sign in with a token",
+        model=SessionView,
+        errors=("unauthorized",),
+    )
+    async def sign_in(request: Request, body: SessionRequest) -> Response:
+        """For browsers: sets a cookie (HttpOnly, SameSite=Strict) that stands for the token."""
+        signed_in = await services.tokens.sign_in(body.token)
+        if signed_in is None:
+            raise ProblemError(
+                "unauthorized", "This token is not known or was revoked. `millstream token create` makes a new one."
+            )
+        principal, cookie = signed_in
+        response = json_response(view(principal))
+        response.set_cookie(
+            SESSION_COOKIE,
+            cookie,
+            max_age=int(SESSION_LIFETIME_S),
+            httponly=True,
+            samesite="strict",
+            secure=request.url.scheme == "https",
+        )
+        return response
+
+    @routes.add("DELETE", "/session", role=Role.PUBLIC, summary="Sign out", status=204)
+    async def sign_out(request: Request) -> Response:
+        """Ends the session of the cookie; harmless without one."""
+        cookie = session_cookie(Headers(scope=request.scope))
+        if cookie is not None:
+            services.tokens.sign_out(cookie)
+        response = Response(status_code=204)
+        response.delete_cookie(SESSION_COOKIE, httponly=True, samesite="strict")
+        return response
+
+
+def _tokens(app: FastAPI, services: Services) -> None:
+    routes = Routes(app, "access")
+
+    @routes.add("GET", "/tokens", role=Role.ADMIN, summary="List the tokens", model=list[TokenView])
+    async def list_tokens() -> Response:
+        return json_response(await services.tokens.list())
+
+    @routes.add("POST", "/tokens", role=Role.ADMIN, summary="Make a token", model=NewTokenView, status=201)
+    async def create_token(body: TokenRequest) -> Response:
+        """`token` is the secret; it is shown this once and cannot be read again."""
+        try:
+            return json_response(await services.tokens.create(body.name, body.role), 201)
+        except TokenError as error:
+            raise ProblemError("invalid_request", f"{error}.") from error
+
+    @routes.add(
+        "DELETE",
+        "/tokens/{id}",
+        role=Role.ADMIN,
+        summary="Revoke a token",
+        model=TokenView,
+        errors=("unknown_token",),
+    )
+    async def revoke_token(id: TokenId) -> Response:
+        """Its sessions end with it; its row stays in the list."""
+        token = await services.tokens.revoke(id)
+        if token is None:
+            raise ProblemError("unknown_token", f"There is no token {id!r}; GET /api/v1/tokens lists them.")
+        return json_response(token)

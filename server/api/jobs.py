@@ -1,0 +1,207 @@
+"""Routes of jobs: the queue, one job, what to do with it, and its journal.
+
+Not the rules of a job (`jobs/job.py`). The one rule: only an explicit POST here makes a machine move.
+"""
+
+from collections.abc import Awaitable, Callable
+from typing import Annotated
+
+from fastapi import FastAPI, Header, Path, Query
+from starlette.responses import Response
+
+from server.api.machines import find
+from server.api.models import (
+    BatchView,
+    JobEventView,
+    JobReportView,
+    JobRequest,
+    JobStatus,
+    JobView,
+    MoveRequest,
+    RecoverRequest,
+    RecoverView,
+)
+from server.api.routing import Routes, json_response
+from server.api.services import Jobs, Json, Services
+from server.auth import Role
+
+JobId = Annotated[int, Path(ge=1, le=2**53, description="The job's id", examples=[17])]
+
+DEFAULT_PAGE = 100
+MAX_PAGE = 1000
+
+ACTIONS: tuple[tuple[str, str, Callable[[Jobs, int], Awaitable[Json]]], ...] = (
+    ("pause", "Pause after the batch in flight", lambda jobs, job_id: jobs.pause(job_id)),
+    ("resume", "Go on, or release a job that was held", lambda jobs, job_id: jobs.resume(job_id)),
+    ("cancel", "Cancel after the batch in flight", lambda jobs, job_id: jobs.cancel(job_id)),
+)
+
+
+def install(app: FastAPI, services: Services) -> None:
+    """All routes under /jobs."""
+    _create(app, services)
+    _views(app, services)
+    _actions(app, services)
+    _journal(app, services)
+
+
+def _create(app: FastAPI, services: Services) -> None:
+    routes = Routes(app, "jobs")
+
+    @routes.add(
+        "POST",
+        "/jobs",
+        role=Role.OPERATOR,
+        summary="Queue a job",
+        model=JobView,
+        status=201,
+        errors=(
+            "unknown_program",
+            "unknown_machine",
+            "preflight_failed",
+            "preflight_warnings",
+            "empty_program",
+            "idempotency_conflict",
+            "queue_full",
+        ),
+    )
+    async def create_job(
+        body: JobRequest,
+        idempotency_key: Annotated[
+            str | None, Header(min_length=1, max_length=255, description="Makes a repeat of this request harmless")
+        ] = None,
+    ) -> Response:
+        """The program is checked first; what stands against it is in `report` of the 422. The machine starts to move
+        as soon as it is free, unless `hold` is set."""
+        find(services, body.machine)
+        job = await services.jobs.create(
+            body.program,
+            body.machine,
+            start_line=body.start_line,
+            end_line=body.end_line,
+            hold=body.hold,
+            note=body.note,
+            force=body.force,
+            idempotency_key=idempotency_key,
+        )
+        return json_response(job, 201, {"Location": f"/api/v1/jobs/{job['id']}"})
+
+
+def _views(app: FastAPI, services: Services) -> None:
+    routes = Routes(app, "jobs")
+
+    @routes.add("GET", "/jobs", role=Role.VIEWER, summary="List jobs, newest first", model=list[JobView])
+    async def list_jobs(
+        machine: Annotated[str | None, Query(max_length=64, description="Only of this machine")] = None,
+        status: Annotated[JobStatus | None, Query(description="Only in this status")] = None,
+        limit: Annotated[int, Query(ge=1, le=MAX_PAGE, description="How many at most")] = DEFAULT_PAGE,
+        before: Annotated[int | None, Query(ge=1, description="Only jobs with a lower id: the next page")] = None,
+    ) -> Response:
+        return json_response(await services.jobs.list(machine, status, limit, before))
+
+    @routes.add("GET", "/jobs/{id}", role=Role.VIEWER, summary="Show a job", model=JobView, errors=("unknown_job",))
+    async def get_job(id: JobId) -> Response:
+        return json_response(await services.jobs.get(id))
+
+
+def _actions(app: FastAPI, services: Services) -> None:
+    routes = Routes(app, "jobs")
+    refusals = ("unknown_job", "wrong_state")
+    for verb, summary, act in ACTIONS:
+        declare = routes.add(
+            "POST",
+            f"/jobs/{{id}}/{verb}",
+            role=Role.OPERATOR,
+            summary=summary,
+            model=JobView,
+            status=202,
+            errors=refusals,
+        )
+        declare(_action(services, verb, act))
+
+    @routes.add(
+        "POST",
+        "/jobs/{id}/rerun",
+        role=Role.OPERATOR,
+        summary="Queue the same job again",
+        model=JobView,
+        status=201,
+        errors=(*refusals, "unknown_program", "preflight_failed", "queue_full"),
+    )
+    async def rerun_job(id: JobId) -> Response:
+        job = await services.jobs.rerun(id)
+        return json_response(job, 201, {"Location": f"/api/v1/jobs/{job['id']}"})
+
+    @routes.add(
+        "POST",
+        "/jobs/{id}/move",
+        role=Role.OPERATOR,
+        summary="Change a job's place in the queue",
+        model=JobView,
+        errors=refusals,
+    )
+    async def move_job(id: JobId, body: MoveRequest) -> Response:
+        return json_response(await services.jobs.move(id, body.position))
+
+    @routes.add(
+        "POST",
+        "/jobs/{id}/recover",
+        role=Role.OPERATOR,
+        summary="Go on after an interruption",
+        model=RecoverView,
+        errors=(*refusals, "not_connected", "alarm_active", "machine_busy"),
+    )
+    async def recover_job(id: JobId, body: RecoverRequest | None = None) -> Response:
+        """Without a body nothing happens: the answer is the plan, with the certain lines, the lines in doubt and the
+        blocks that would go out. With an action the machine starts to move."""
+        if body is None:
+            return json_response(await services.jobs.recover(id))
+        return json_response(await services.jobs.recover(id, body.action, body.line))
+
+
+def _action(
+    services: Services, verb: str, act: Callable[[Jobs, int], Awaitable[Json]]
+) -> Callable[..., Awaitable[Response]]:
+    async def endpoint(id: JobId) -> Response:
+        return json_response(await act(services.jobs, id), 202)
+
+    endpoint.__name__ = f"{verb}_job"
+    return endpoint
+
+
+def _journal(app: FastAPI, services: Services) -> None:
+    routes = Routes(app, "jobs")
+
+    @routes.add(
+        "GET",
+        "/jobs/{id}/batches",
+        role=Role.VIEWER,
+        summary="Show the journal of a job",
+        model=list[BatchView],
+        errors=("unknown_job",),
+    )
+    async def get_batches(id: JobId) -> Response:
+        """Which lines went out under which id of the wire, and what is known of them."""
+        return json_response(await services.jobs.batches(id))
+
+    @routes.add(
+        "GET",
+        "/jobs/{id}/events",
+        role=Role.VIEWER,
+        summary="Show what happened to a job",
+        model=list[JobEventView],
+        errors=("unknown_job",),
+    )
+    async def get_events(id: JobId) -> Response:
+        return json_response(await services.jobs.events(id))
+
+    @routes.add(
+        "GET",
+        "/jobs/{id}/report",
+        role=Role.VIEWER,
+        summary="Show the report of a job",
+        model=JobReportView,
+        errors=("unknown_job",),
+    )
+    async def get_report(id: JobId) -> Response:
+        return json_response(await services.jobs.report(id))

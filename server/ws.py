@@ -1,0 +1,289 @@
+"""The WebSocket `/api/v1/events`: one reader's connection, its messages and its answers.
+
+Not the fan-out (`server/hub.py`). The one rule: what this socket is sent is pulled from its subscription, so a peer
+that does not read stops only itself; what it says is answered in order of completion, and a stop at once.
+"""
+
+import asyncio
+import json
+import logging
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from fastapi import FastAPI
+from pydantic import ValidationError
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+
+from server.api.guard import PRINCIPAL_KEY
+from server.api.machines import find
+from server.api.messages import CLIENT_MESSAGE, ROLES, Jog, JogStop, SocketQuery, Subscribe, Verb
+from server.api.problems import internal_problem, invalid_request, problem_body, refuse_socket
+from server.api.routing import admit, requires
+from server.api.services import Json, MachineControl, Services
+from server.auth import Principal, Role
+from server.heldjog import HeldJogs
+from server.hub import CutError, Subscription
+from server.jsontext import dumps
+from server.problems import ProblemError
+
+logger = logging.getLogger(__name__)
+
+MAX_MESSAGE_CHARS = 16 * 1024
+"""What a client says is short; a longer message ends the connection (1009)."""
+MAX_ID_CHARS = 128
+MAX_UNDER_WAY = 8
+"""Messages of one socket that still wait for the machine; one more is refused."""
+CLOSE_WITHIN_S = 1.0
+"""A peer that does not read does not read the farewell either."""
+
+POLICY_VIOLATION = 1008
+TOO_BIG = 1009
+INTERNAL_ERROR = 1011
+TRY_AGAIN_LATER = 1013
+
+SNAPSHOT_JOBS = 50
+
+
+async def snapshot(services: Services) -> Json:
+    """Everything a page needs to show the workshop as it is now."""
+    return {
+        "machines": [machine.view() for machine in services.machines.values()],
+        "jobs": list(await services.jobs.list(None, None, SNAPSHOT_JOBS, None)),
+    }
+
+
+class EventSocket:
+    """One connected reader."""
+
+    def __init__(self, socket: WebSocket, services: Services, held: HeldJogs, principal: Principal) -> None:
+        self._socket = socket
+        self._services = services
+        self._held = held
+        self._principal = principal
+        self._under_way: set[asyncio.Task[None]] = set()
+
+    async def run(self, query: SocketQuery) -> None:
+        """Serve this reader until it goes or is cut."""
+        hub = self._services.hub
+        subscription = hub.subscribe(query.filter())
+        try:
+            await self._socket.accept()
+            await self._greet(query, subscription)
+            await self._until_one_ends(
+                self._write(query, subscription), self._read(subscription), self._watch(subscription)
+            )
+        finally:
+            self._held.release_all(self)
+            for task in self._under_way:
+                task.cancel()
+            hub.unsubscribe(subscription)
+
+    async def _greet(self, query: SocketQuery, subscription: Subscription) -> None:
+        """`hello` with the snapshot, then what was missed. The subscription is open already: nothing falls between."""
+        hub = self._services.hub
+        seq = hub.seq
+        missed = None if query.since is None else hub.missed(query.since, subscription.wanted)
+        resync = query.since is not None and missed is None
+        data = {**await snapshot(self._services), "resync": resync, "role": self._principal.role.word}
+        # A reader remembers the largest seq it saw: while the missed ones are still to come, hello must not exceed it.
+        at_seq = seq if missed is None or query.since is None else query.since
+        await self._socket.send_text(hub.envelope("hello", data, seq=at_seq))
+        for text in missed or ():
+            await self._socket.send_text(text)
+
+    async def _until_one_ends(self, *work: Awaitable[None]) -> None:
+        tasks = [asyncio.ensure_future(one) for one in work]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+        for task in done:
+            error = task.exception()
+            match error:
+                case None | WebSocketDisconnect():
+                    pass
+                case CutError():
+                    await self._close(TRY_AGAIN_LATER, str(error))
+                case ProblemError():
+                    await self._close(POLICY_VIOLATION, error.detail)
+                case _:
+                    logger.error("unexpected error in a WebSocket", exc_info=error)
+                    await self._close(INTERNAL_ERROR, "internal error")
+                    return
+
+    async def _close(self, code: int, reason: str) -> None:
+        if self._socket.application_state is not WebSocketState.CONNECTED:
+            return
+        try:
+            async with asyncio.timeout(CLOSE_WITHIN_S):
+                await self._socket.close(code, reason[:100])
+        except (TimeoutError, WebSocketDisconnect, RuntimeError):
+            logger.info("a WebSocket reader did not take the farewell: %s", reason)
+
+    async def _write(self, query: SocketQuery, subscription: Subscription) -> None:
+        await self._greet(query, subscription)
+        while True:
+            text = await subscription.next()
+            if not self._services.tokens.still_good(self._principal):
+                raise ProblemError("unauthorized", "The token of this connection was revoked.")
+            await self._socket.send_text(text)
+
+    async def _watch(self, subscription: Subscription) -> None:
+        """Ends the connection when the hub gives it up, while the writer may be stuck in a send."""
+        await subscription.until_cut()
+        await subscription.next()
+
+    async def _read(self, subscription: Subscription) -> None:
+        while True:
+            message = await self._socket.receive()
+            if message["type"] == "websocket.disconnect":
+                raise WebSocketDisconnect(message.get("code", 1005))
+            text = message.get("text")
+            if text is None or len(text) > MAX_MESSAGE_CHARS:
+                await self._close(TOO_BIG, f"messages are JSON texts of at most {MAX_MESSAGE_CHARS} characters")
+                return
+            self._take(text, subscription)
+
+    def _take(self, text: str, subscription: Subscription) -> None:
+        """Act on one message of the client; nothing is awaited here, so nothing can stand before an e-stop."""
+        id_: Any = None
+        try:
+            spoken = _json_object(text)
+            id_ = spoken.get("id")
+            message = _valid(spoken)
+            if not self._services.tokens.still_good(self._principal):
+                raise ProblemError("unauthorized", "The token of this connection was revoked.")
+            admit(self._principal, ROLES[type(message)])
+            if isinstance(message, Jog) and len(self._under_way) >= MAX_UNDER_WAY:
+                raise ProblemError("machine_busy", f"{MAX_UNDER_WAY} jogs of this connection still wait for their end.")
+            answer = self._act(message, subscription)
+        except ProblemError as problem:
+            subscription.push(failure(id_, problem))
+            return
+        if answer is None:
+            subscription.push(success(id_))
+        else:
+            self._answer_later(id_, answer, subscription)
+
+    def _act(self, message: Subscribe | Verb | Jog | JogStop, subscription: Subscription) -> Awaitable[None] | None:
+        match message:
+            case Subscribe():
+                subscription.narrow(message.applied_to(subscription.wanted))
+            case Verb(type="estop", machine=None):
+                self._stop_all()
+            case Verb():
+                VERBS[message.type](find(self._services, self._machine(message.machine)))
+            case Jog(hold=True):
+                name = self._machine(message.machine)
+                return self._held.beat(name, self, message.axes(), message.feed)
+            case Jog():
+                return find(self._services, self._machine(message.machine)).jog(message.axes(), message.feed)
+            case JogStop():
+                self._held.release(self._machine(message.machine), self)
+        return None
+
+    def _machine(self, name: str | None) -> str:
+        """The machine that is meant. Raises ProblemError where that is not clear."""
+        machines = self._services.machines
+        if name is not None:
+            find(self._services, name)
+            return name
+        if len(machines) != 1:
+            raise ProblemError("invalid_request", f"Say which `machine`; there are: {', '.join(machines) or 'none'}.")
+        return next(iter(machines))
+
+    def _stop_all(self) -> None:
+        """E-stop of every machine; what one of them cannot do does not keep it from the others."""
+        refusals = []
+        for machine in self._services.machines.values():
+            try:
+                machine.estop()
+            except ProblemError as problem:
+                refusals.append(problem)
+        if refusals:
+            detail = " ".join(problem.detail for problem in refusals)
+            raise ProblemError(refusals[0].code, detail, refused=len(refusals), machines=len(self._services.machines))
+
+    def _answer_later(self, id_: Any, answer: Awaitable[None], subscription: Subscription) -> None:
+        async def answered() -> None:
+            try:
+                await answer
+            except ProblemError as problem:
+                subscription.push(failure(id_, problem))
+            except Exception:  # the outermost loop of a message
+                logger.exception("unexpected error in a message of a WebSocket")
+                subscription.push(failure(id_, internal_problem()))
+            else:
+                subscription.push(success(id_))
+
+        task = asyncio.get_running_loop().create_task(answered())
+        self._under_way.add(task)
+        task.add_done_callback(self._under_way.discard)
+
+
+VERBS: dict[str, Callable[[MachineControl], None]] = {
+    "estop": lambda machine: machine.estop(),
+    "pause": lambda machine: machine.pause(),
+    "resume": lambda machine: machine.resume(),
+    "stop": lambda machine: machine.stop(),
+}
+
+
+def _json_object(text: str) -> Json:
+    """The JSON object in a message. Raises ProblemError."""
+    try:
+        spoken = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ProblemError("malformed_json", f"The message is not JSON: {error}.") from error
+    if not isinstance(spoken, dict):
+        raise ProblemError("malformed_json", 'A message is a JSON object with a "type".')
+    return spoken
+
+
+def _valid(spoken: Json) -> Subscribe | Verb | Jog | JogStop:
+    try:
+        return CLIENT_MESSAGE.validate_python(spoken)
+    except ValidationError as error:
+        raise invalid_request(error.errors(include_url=False)) from error
+
+
+def success(id_: Any) -> str:
+    """The answer to a message that was obeyed."""
+    return dumps({"type": "result", "id": _bounded(id_), "ok": True})
+
+
+def failure(id_: Any, problem: ProblemError) -> str:
+    """The answer to a message that was refused."""
+    return dumps({"type": "result", "id": _bounded(id_), "ok": False, "error": problem_body(problem)})
+
+
+def _bounded(id_: Any) -> str | int | None:
+    """A client's id goes back to it as it came, unless it is nothing that can be an id."""
+    return id_ if isinstance(id_, str | int) and len(str(id_)) <= MAX_ID_CHARS else None
+
+
+def install(app: FastAPI, services: Services) -> None:
+    """The route of the WebSocket."""
+    held = HeldJogs(services.machines)
+
+    @requires(Role.VIEWER)
+    async def events(socket: WebSocket) -> None:
+        principal = socket.scope[PRINCIPAL_KEY]
+        try:
+            admit(principal, Role.VIEWER)
+            query = _query(socket)
+        except ProblemError as problem:
+            await refuse_socket(socket, problem)
+            return
+        await EventSocket(socket, services, held, principal).run(query)
+
+    app.router.add_api_websocket_route("/api/v1/events", events)
+
+
+def _query(socket: WebSocket) -> SocketQuery:
+    try:
+        return SocketQuery.model_validate(dict(socket.query_params))
+    except ValidationError as error:
+        raise invalid_request(error.errors(include_url=False)) from error
