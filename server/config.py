@@ -11,16 +11,14 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from gcode.motion import DEFAULT_ACCELERATION_MM_S2, DEFAULT_RATE_MM_MIN, Motion
+from jobs.batch import BatchLimits
 from protocol.elvinto.dialect import Dialect
-
-if TYPE_CHECKING:
-    from jobs.batch import BatchLimits
 
 DEFAULT_DATA_DIR = "~/.local/share/millstream"
 
@@ -57,13 +55,23 @@ def _known_encoding(value: str) -> str:
     return value
 
 
+def _check_simulator(value: str) -> None:
+    from sim.options import options_from_query
+
+    if not re.fullmatch(r"sim:(\?.*)?", value):
+        raise ValueError
+    try:
+        options_from_query(value)
+    except (ValueError, OSError) as error:
+        raise PydanticCustomError("unusable", "{advice}", {"advice": str(error)}) from error
+
+
 def _usable_port(value: str) -> str:
     """`tcp://` with a host and a port number, `sim:` with a query that the simulator takes, else a device."""
     if value == "" or value != value.strip():
         raise ValueError
     if value.startswith("sim:"):
-        if not re.fullmatch(r"sim:(\?.*)?", value):
-            raise ValueError
+        _check_simulator(value)
     elif value.startswith("tcp://"):
         _, _, number = value.removeprefix("tcp://").rpartition(":")
         if not re.fullmatch(r"tcp://(\[[0-9A-Fa-f:.]+\]|[^:/\s]+):[0-9]{1,5}", value) or not 0 < int(number) < 65536:
@@ -175,14 +183,13 @@ class ElvintoConfig(Section):
             require_header=self.require_header,
         )
 
-    def limits(self) -> "BatchLimits":
+    def limits(self) -> BatchLimits:
         """The bounds of a batch (elvinto §7)."""
-        from jobs.batch import BatchLimits
-
         return BatchLimits(
             max_batch_bytes=self.max_batch_bytes,
             max_batch_blocks=self.max_batch_blocks,
             max_batch_seconds=self.max_batch_seconds,
+            position_tolerance_mm=self.position_tolerance,
         )
 
 

@@ -179,6 +179,8 @@ def _fault(
         case "refused":
             key, value = (*key, *_steps(context["key"])), context["value"]
             advice = f"allowed is {context['allowed']}"
+        case "unusable":
+            value, advice = detail["input"], context["advice"]
         case "extra_forbidden":
             value, advice = detail["input"], _no_such_key(model, key)
         case _:

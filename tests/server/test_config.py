@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, ValidationError
 
+from jobs.batch import BatchLimits
 from protocol.elvinto.dialect import Dialect
 from server.config import PROTOCOLS, Config, ElvintoConfig, MachineConfig, MotionConfig, ServerConfig
 
@@ -75,6 +76,12 @@ def test_dialect_carries_every_key_of_the_engine() -> None:
     ).dialect()
     same = [name for name in Dialect.__slots__ if getattr(changed, name) == getattr(Dialect(), name)]
     assert same == []
+
+
+def test_limits_are_those_of_the_planner() -> None:
+    assert ElvintoConfig().limits() == BatchLimits()
+    changed = ElvintoConfig(max_batch_bytes=100, max_batch_blocks=5, max_batch_seconds=0.5, position_tolerance=0.1)
+    assert changed.limits() == BatchLimits(100, 5, 0.5, 0.1)
 
 
 def test_motion_is_handed_on_and_an_axis_without_travel_is_left_out() -> None:

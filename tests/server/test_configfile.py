@@ -117,6 +117,11 @@ def test_an_unknown_section_is_a_fault(file: Path) -> None:
     assert "(did you mean server?); allowed are server, machine" in message
 
 
+def test_a_wrong_option_of_the_virtual_machine_is_told_in_its_words(file: Path) -> None:
+    (message,) = messages(file, '[[machine]]\nname = "a"\nport = "sim:?sped_factor=2"\n')
+    assert message.startswith('FILE: machine[0].port (machine "a") = "sim:?sped_factor=2": unknown key \'sped_factor\'')
+
+
 def test_all_faults_are_told_at_once(file: Path) -> None:
     assert len(messages(file, '[server]\nport = -1\nhost = ""\n' + MACHINE + 'baud = "fast"\n')) == 3
 

@@ -1,0 +1,51 @@
+"""The command `millstream`: puts the commands together and turns their errors into messages and exit codes.
+
+Each group of commands has a file of its own. The one rule: whatever goes wrong ends here as one message on standard
+error (with `--json`: one object on standard output) and one of the exit codes of api.md.
+"""
+
+import sys
+from collections.abc import Sequence
+
+import typer
+
+from server.cli import demo, jobs, machines, offline, serve, simulator, tokens, watch
+from server.cli.common import CliError, say_json, warn
+from server.cli.daemon import Surroundings
+
+GROUPS = (serve, demo, offline, jobs, machines, watch, tokens, simulator)
+
+
+def build() -> typer.Typer:
+    """The whole command line."""
+    app = typer.Typer(
+        name="millstream",
+        help="Streams G-code to CNC controllers: every line executed exactly once, or the doubt named.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+    for group in GROUPS:
+        group.register(app)
+    return app
+
+
+def run(argv: Sequence[str], around: Surroundings) -> int:
+    """Run one command; its exit code."""
+    try:
+        build()(args=list(argv), obj=around, prog_name="millstream")
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    except CliError as error:
+        if "--json" in argv:
+            say_json(error.problem)
+        elif error.message:
+            warn(error.message)
+        return int(error.code)
+    return 0
+
+
+def main() -> None:
+    """The entry point."""
+    sys.exit(run(sys.argv[1:], Surroundings()))

@@ -1,0 +1,188 @@
+"""`millstream serve`: the daemon as a process. Binds, checks who could reach it, serves, and stops in good order.
+
+Not what is served (`server/app.py`, `server/api/`). The one rule: everything that can be wrong with the surroundings
+(configuration, port, data directory, exposure) is told in a sentence before the first machine is touched.
+"""
+
+import asyncio
+import contextlib
+import logging
+import signal
+import socket
+from collections.abc import AsyncIterator, Callable
+from importlib import import_module
+from importlib.util import find_spec
+
+import typer
+import uvicorn
+
+from server.auth import ExposureError, check_exposure, is_loopback
+from server.cli.common import CliError, ConfigFile, ExitCode, say, warn
+from server.cli.settings import DEFAULT_CONFIG, configuration, database
+from server.config import Config
+from server.tokens import list_tokens
+
+GRACEFUL_STOP_S = 5
+"""Requests that are still being answered at a stop get this long; a job under way is kept in the journal anyway."""
+KEEP_ALIVE_S = 30
+MAX_CONNECTIONS = 512
+"""More than any workshop has dashboards; at the next one the answer is 503, and file descriptors stay for ports."""
+BACKLOG = 128
+MAX_HEADER_BYTES = 32 * 1024
+WEBSOCKET_MAX_BYTES = 64 * 1024
+"""Clients send jogs and subscriptions, nothing large."""
+WEBSOCKET_PING_S = 20.0
+"""A reader that vanished without a word is noticed within two of these."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(serve)
+
+
+def serve(ctx: typer.Context, config: ConfigFile = None) -> None:
+    """Run the daemon until it is told to stop (Ctrl-C, SIGTERM)."""
+    settings = configuration(ctx, config)
+    if not settings.machine:
+        raise CliError(
+            ExitCode.USAGE,
+            f"No machine is configured. Copy config.example.toml to {DEFAULT_CONFIG} and set the port of yours, "
+            "or try `millstream demo` with a virtual one.",
+        )
+    run(settings)
+
+
+def run(config: Config) -> None:
+    """The daemon of `config` in the foreground. Raises CliError when it cannot start."""
+    logging.basicConfig(
+        level=config.server.log_level.upper(), format="%(asctime)s %(levelname)-7s %(name)s: %(message)s"
+    )
+    with asyncio.Runner(loop_factory=loop_factory()) as runner:
+        runner.run(_serve(config))
+
+
+async def _serve(config: Config) -> None:
+    async with running(config, bind(config.server.host, config.server.port)) as daemon:
+        say(f"millstream: {daemon.url}")
+        await daemon.stopped()
+        warn("millstream: stopping")
+
+
+def loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
+    """uvloop where it is installed (the extra `speed`), else asyncio's own."""
+    if find_spec("uvloop") is None:
+        return None
+    factory: Callable[[], asyncio.AbstractEventLoop] = import_module("uvloop").new_event_loop
+    return factory
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """A listening socket. Raises CliError."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host.strip("[]"), port), family=family, backlog=BACKLOG)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise CliError(
+            ExitCode.FAILED, f"{host}:{port}: {reason}. Is another program there? Set server.host and server.port."
+        ) from error
+
+
+class _Server(uvicorn.Server):
+    """uvicorn without its signal handlers: it would end the process by the signal, not by its exit code."""
+
+    @contextlib.contextmanager
+    def capture_signals(self):  # type: ignore[no-untyped-def]
+        yield
+
+
+class RunningDaemon:
+    """A daemon that serves. `url` is its address for people."""
+
+    def __init__(self, server: uvicorn.Server, serving: asyncio.Task[None], url: str) -> None:
+        self._server = server
+        self._serving = serving
+        self.url = url
+
+    async def stopped(self) -> None:
+        """Returns when somebody has asked it to stop."""
+        await asyncio.wait([self._serving])
+
+    def stop(self) -> None:
+        """Ask it to stop; the second time it does not wait for requests under way."""
+        self._server.force_exit = self._server.should_exit
+        self._server.should_exit = True
+
+
+@contextlib.asynccontextmanager
+async def running(config: Config, listener: socket.socket) -> AsyncIterator[RunningDaemon]:
+    """The daemon of `config` behind `listener`, started and, at the end, stopped in good order. Raises CliError."""
+    # Imported here, for `millstream check` needs neither the web framework nor its start-up time.
+    from server.api import create_app
+    from server.app import build
+
+    with contextlib.closing(listener):
+        _check_exposure(config)
+        workshop = build(config)
+        await workshop.start()
+        try:
+            server = _Server(_uvicorn_config(create_app(workshop), config))
+            daemon = RunningDaemon(server, asyncio.create_task(server.serve(sockets=[listener])), address(listener))
+            _stop_on_signals(daemon)
+            yield daemon
+        finally:
+            daemon.stop()
+            await daemon.stopped()
+            await workshop.stop()
+
+
+def _check_exposure(config: Config) -> None:
+    """Before anything is started: may the daemon listen where it is told to?"""
+    if is_loopback(config.server.host):
+        return
+    with database(config) as db:
+        usable = [token for token in list_tokens(db) if token.revoked_at is None]
+    try:
+        check_exposure(config.server.host, usable)
+    except ExposureError as error:
+        raise CliError(ExitCode.FAILED, str(error)) from error
+
+
+def address(listener: socket.socket) -> str:
+    """What a person types into a browser on this computer."""
+    host, port = listener.getsockname()[:2]
+    if host in ("0.0.0.0", "::"):  # noqa: S104 - compared, not bound
+        host = socket.gethostname()
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def _stop_on_signals(daemon: RunningDaemon) -> None:
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Not on Windows' loops; there Ctrl-C raises KeyboardInterrupt, and asyncio.Runner cancels.
+        with contextlib.suppress(NotImplementedError):
+            loop.add_signal_handler(number, daemon.stop)
+
+
+def _uvicorn_config(app: object, config: Config) -> uvicorn.Config:
+    """uvicorn with every limit that matters said, so that a new version of it changes nothing here."""
+    return uvicorn.Config(
+        app,  # type: ignore[arg-type]
+        log_config=None,
+        log_level=config.server.log_level,
+        access_log=False,
+        lifespan="off",
+        http="h11",
+        ws="websockets-sansio",
+        proxy_headers=False,
+        server_header=False,
+        limit_concurrency=MAX_CONNECTIONS,
+        backlog=BACKLOG,
+        timeout_keep_alive=KEEP_ALIVE_S,
+        timeout_graceful_shutdown=GRACEFUL_STOP_S,
+        h11_max_incomplete_event_size=MAX_HEADER_BYTES,
+        ws_max_size=WEBSOCKET_MAX_BYTES,
+        ws_ping_interval=WEBSOCKET_PING_S,
+        ws_ping_timeout=WEBSOCKET_PING_S,
+        ws_per_message_deflate=False,
+    )

@@ -1,0 +1,46 @@
+"""What commands that work on this computer itself (`serve`, `token`) need: the configuration and the database.
+
+Client commands do not come here; they know an address and nothing else.
+"""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import typer
+from sqlite_utils import Database
+
+from jobs.schema import prepare
+from server.cli.common import CliError, ExitCode, safe
+from server.cli.daemon import surroundings
+from server.config import Config
+from server.configfile import ConfigError, load
+
+DEFAULT_CONFIG = Path("millstream.toml")
+
+
+def configuration(ctx: typer.Context, path: Path | None) -> Config:
+    """The configuration of `path`, or of ./millstream.toml, or the defaults. Raises CliError."""
+    if path is None and DEFAULT_CONFIG.exists():
+        path = DEFAULT_CONFIG
+    try:
+        return load(path, surroundings(ctx).environ)
+    except ConfigError as error:
+        raise CliError(ExitCode.USAGE, str(error)) from error
+
+
+@contextmanager
+def database(config: Config) -> Iterator[Database]:
+    """The daemon's database, also while it runs. Raises CliError when it cannot be used."""
+    path = config.server.database_path
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        db = Database(path)
+        try:
+            prepare(db)
+            yield db
+        finally:
+            db.close()
+    except (OSError, sqlite3.Error) as error:
+        raise CliError(ExitCode.FAILED, f"{path}: the database cannot be used: {safe(error)}") from error

@@ -1,0 +1,90 @@
+"""`millstream sim`: a virtual machine on a pseudo-terminal or a TCP port, with faults to order.
+
+The one rule: this only carries options to `sim.shell`; every machine's settings are checked where they are defined.
+"""
+
+import asyncio
+import contextlib
+from pathlib import Path
+from typing import Annotated
+from urllib.parse import urlencode
+
+import typer
+
+from server.cli.common import CliError, ExitCode, safe, say
+from sim.options import KEYS, SimOptions, options_from_query
+from sim.shell import run
+
+group = typer.Typer(help="Virtual machines, for trying things out without a workshop.", no_args_is_help=True)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.add_typer(group, name="sim")
+
+
+@group.callback()
+def sim() -> None:
+    """Virtual machines, for trying things out without a workshop."""
+
+
+@group.command()
+def elvinto(
+    pty: Annotated[Path | None, typer.Option(help="Link to make to the pseudo-terminal, e.g. /tmp/mill.")] = None,
+    tcp: Annotated[str | None, typer.Option(help="HOST:PORT to listen on instead.")] = None,
+    speed: Annotated[float | None, typer.Option(min=0.001, help="How many times faster than life it moves.")] = None,
+    repeat: Annotated[str | None, typer.Option(help="Answer to a repeated ID: silent or reack.")] = None,
+    baud: Annotated[int | None, typer.Option(min=0, help="Pace of the wire; 0: it takes no time.")] = None,
+    loss: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to be lost.")] = None,
+    flip: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to have a bit flipped.")] = None,
+    duplicate: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to come twice.")] = None,
+    noise: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a burst of noise after a byte.")] = None,
+    delay: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a delay.")] = None,
+    seed: Annotated[int, typer.Option(help="Of the faults: the same seed, the same faults.")] = 0,
+    record: Annotated[Path | None, typer.Option(help="File to which every executed block is appended.")] = None,
+    option: Annotated[
+        list[str] | None, typer.Option("--option", "-o", help=f"KEY=VALUE; keys: {', '.join(sorted(KEYS))}.")
+    ] = None,
+) -> None:
+    """An ElVinto v11 mill; runs until Ctrl-C. Without --pty and --tcp on a pseudo-terminal of any name."""
+    if pty is not None and tcp is not None:
+        raise CliError(ExitCode.USAGE, "--pty and --tcp exclude each other.")
+    named = {
+        "speed_factor": speed,
+        "repeat": repeat,
+        "baud": baud,
+        "loss": loss,
+        "flip": flip,
+        "duplicate": duplicate,
+        "noise": noise,
+        "delay": delay,
+        "seed": seed,
+    }
+    options = _options({key: value for key, value in named.items() if value is not None}, option or [])
+    serving = run(
+        options.settings,
+        pty=pty,
+        tcp=tcp,
+        record=record,
+        faults=options.faults,
+        seed=options.seed,
+        ready=lambda address: say(f"virtual ElVinto mill: {address}"),
+        baud=options.baud,
+    )
+    try:
+        with contextlib.suppress(KeyboardInterrupt):
+            asyncio.run(serving)
+    except (OSError, ValueError) as error:
+        raise CliError(ExitCode.FAILED, safe(error)) from error
+
+
+def _options(named: dict[str, object], pairs: list[str]) -> SimOptions:
+    for pair in pairs:
+        key, sign, value = pair.partition("=")
+        if not sign:
+            raise CliError(ExitCode.USAGE, f"--option {safe(pair)}: KEY=VALUE is wanted.")
+        named[key] = value
+    try:
+        return options_from_query(urlencode(named))
+    except (ValueError, OSError) as error:
+        raise CliError(ExitCode.USAGE, safe(error)) from error
