@@ -70,7 +70,7 @@ def submit(
             raise BrokenOffError(advice) from pressed
     _tell(job, file, as_json)
     if job["status"] != "completed":
-        raise CliError(ExitCode.FAILED, "", job)
+        raise typer.Exit(ExitCode.FAILED)
 
 
 def upload(daemon: Daemon, file: Path) -> Any:

@@ -110,10 +110,12 @@ def estop(ctx: typer.Context, machine: Machine = None, url: Url = DEFAULT_URL, a
                 refused[name] = refusal
     _report(answers, as_json)
     for name, error in refused.items():
-        warn(f"{safe(name)}: {error.message}")
+        if as_json:
+            say_json(error.problem)
+        else:
+            warn(f"{safe(name)}: {error.message}")
     if refused:
-        worst = max(refused.values(), key=lambda error: error.code)
-        raise CliError(worst.code, "", worst.problem)
+        raise typer.Exit(max(error.code for error in refused.values()))
 
 
 def _act(ctx: typer.Context, action: str, machine: str | None, url: str, as_json: bool) -> None:

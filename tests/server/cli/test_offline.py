@@ -1,0 +1,122 @@
+"""check and translate, which need no daemon."""
+
+import json
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+from tests.server.cli.conftest import Run
+
+GOOD = b"G21 G90 (metric)\nN10 G28\nG1 X10.000 F600\nG1 X20 F600\nM30\n"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "part.nc"
+    path.write_bytes(GOOD)
+    return path
+
+
+def test_check_of_a_good_program_is_0(millstream: Run, file: Path) -> None:
+    outcome = millstream("check", file, "--profile", "elvinto")
+    assert outcome.code == 0
+    assert "5 lines, 5 blocks" in outcome.out
+    assert "0 errors" in outcome.out
+    assert outcome.daemon.requests == []
+
+
+def test_check_of_a_bad_program_is_1_and_points_at_the_place(millstream: Run, file: Path) -> None:
+    file.write_bytes(GOOD + b"G20\n")
+    outcome = millstream("check", file, "--profile", "elvinto")
+    assert outcome.code == 1
+    assert f"{file}:6:1: error: " in outcome.out
+
+
+def test_check_as_json_has_the_keys_of_the_contract(millstream: Run, file: Path) -> None:
+    report = json.loads(millstream("check", file, "-p", "elvinto", "--json").out)
+    keys = {
+        "errors",
+        "warnings",
+        "infos",
+        "bounds",
+        "seconds",
+        "lines",
+        "blocks",
+        "cut_mm",
+        "rapid_mm",
+        "tools",
+        "feeds",
+    }
+    assert set(report) >= keys
+    assert report["bounds"]["x"][1] == 20.0
+
+
+def test_check_as_json_is_1_with_errors(millstream: Run, file: Path) -> None:
+    file.write_bytes(b"G999\n")
+    outcome = millstream("check", file, "-p", "elvinto", "--json")
+    assert outcome.code == 1
+    assert json.loads(outcome.out)["errors"][0]["line"] == 1
+
+
+def test_check_against_the_travel_of_a_motion_file(millstream: Run, file: Path, tmp_path: Path) -> None:
+    motion = tmp_path / "motion.toml"
+    motion.write_text("x = { travel = [0, 15] }\n", encoding="utf-8")
+    assert millstream("check", file, "-p", "elvinto").code == 0
+    assert millstream("check", file, "-p", "elvinto", "--motion", motion).code == 1
+
+
+def test_a_faulty_motion_file_is_wrong_usage(millstream: Run, file: Path, tmp_path: Path) -> None:
+    motion = tmp_path / "motion.toml"
+    motion.write_text("x = { travel = [15, 0] }\n", encoding="utf-8")
+    outcome = millstream("check", file, "-p", "elvinto", "--motion", motion)
+    assert outcome.code == 2
+    assert f"{motion}: x.travel = [15.0, 0.0]: allowed is [lowest, highest]" in outcome.err
+
+
+@pytest.mark.parametrize("command", ["check", "translate"])
+def test_an_unknown_profile_is_wrong_usage(millstream: Run, file: Path, command: str) -> None:
+    outcome = millstream(command, file, "--profile", "../elvinto")
+    assert outcome.code == 2
+    assert "elvinto" in outcome.err
+
+
+def test_inches_pass_when_converted(millstream: Run, file: Path) -> None:
+    file.write_bytes(b"G20\nG28\nG1 X1 F10\nM30\n")
+    assert millstream("check", file, "-p", "elvinto").code == 1
+    report = json.loads(millstream("check", file, "-p", "elvinto", "--convert-inches", "--json").out)
+    assert report["errors"] == []
+    assert report["bounds"]["x"][1] == 25.4
+
+
+def test_translate_prints_a_block_a_line(millstream: Run, file: Path) -> None:
+    assert millstream("translate", file, "-p", "elvinto").out.split() == ["G21G90", "G28", "G1X10F600", "X20", "M30"]
+
+
+def test_translate_without_compacting(millstream: Run, file: Path) -> None:
+    out = millstream("translate", file, "-p", "elvinto", "--no-compact").out
+    assert out.split() == ["G21G90", "G28", "G1X10.000F600", "G1X20F600", "M30"]
+
+
+def test_translate_as_json_is_a_batch_a_line(millstream: Run, file: Path) -> None:
+    batches = [json.loads(line) for line in millstream("translate", file, "-p", "elvinto", "--json").out.splitlines()]
+    assert [(one["line_from"], one["line_to"], one["blocks"]) for one in batches if one["barrier"]] == [
+        (2, 2, ["G28"]),
+        (5, 5, ["M30"]),
+    ]
+
+
+def test_translate_of_a_program_that_does_not_pass_prints_nothing(millstream: Run, file: Path) -> None:
+    file.write_bytes(b"G0 X1\nG20\n")
+    outcome = millstream("translate", file, "-p", "elvinto")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert f"{file}:2:1: error: " in outcome.err
+
+
+def test_the_sample_program_passes_with_nothing_but_the_hint_about_homing(millstream: Run) -> None:
+    with resources.as_file(resources.files("server") / "samples" / "rose.nc") as sample:
+        report = json.loads(millstream("check", sample, "-p", "elvinto", "--json").out)
+    assert report["errors"] == []
+    assert [(one["code"], one["line"]) for one in report["warnings"]] == [("differs", 7)]
+    assert report["bounds"]["x"][0] >= 0
+    assert report["bounds"]["x"][1] <= 120

@@ -1,0 +1,72 @@
+"""A job followed: to its end, across a daemon that restarts, and never for ever."""
+
+import pytest
+
+from server.cli.common import CliError, ExitCode
+from server.cli.progress import MAX_SILENCE_S, POLL_S, describe, follow
+from tests.harness.fakedaemon import Turns, job
+
+
+def follow_turns(*answers: object) -> tuple[object, list[float]]:
+    turns = Turns(*answers)
+    slept: list[float] = []
+
+    def fetch() -> dict[str, object]:
+        answer = turns.next()
+        if isinstance(answer, Exception):
+            raise answer
+        assert isinstance(answer, dict)
+        return answer
+
+    return follow(fetch, "part.nc", sleep=slept.append), slept
+
+
+SILENT = CliError(ExitCode.UNREACHABLE, "no daemon answers")
+
+
+def test_it_ends_with_the_job() -> None:
+    end = job(10, status="completed")
+    assert follow_turns(job(), job(5), end) == (end, [POLL_S, POLL_S])
+
+
+def test_it_waits_for_a_daemon_that_restarts() -> None:
+    end = job(10, status="completed")
+    result, slept = follow_turns(job(), SILENT, SILENT, end)
+    assert result == end
+    assert slept == [POLL_S, 1.0, 1.0]
+
+
+def test_it_gives_a_silent_daemon_up() -> None:
+    slept: list[float] = []
+
+    def fetch() -> dict[str, object]:
+        raise SILENT
+
+    with pytest.raises(CliError):
+        follow(fetch, "part.nc", sleep=slept.append)
+    assert sum(slept) == MAX_SILENCE_S
+
+
+def test_a_refusal_ends_it_at_once() -> None:
+    with pytest.raises(CliError, match="unknown"):
+        follow_turns(job(), CliError(ExitCode.FAILED, "unknown job"))
+
+
+@pytest.mark.parametrize(
+    ("described", "text"),
+    [
+        (job(), "running"),
+        (job(status="waiting", tool=3), "waiting for an operator: tool 3"),
+        (job(status="waiting"), "waiting for an operator: a decision"),
+        (
+            job(status="failed", error={"code": "alarm", "message": "hit", "line_from": None, "line_to": None}),
+            "failed: hit",
+        ),
+        (
+            job(status="interrupted", error={"code": "in_doubt", "message": "m", "line_from": 4, "line_to": 6}),
+            "interrupted: m (lines 4 to 6 in doubt)",
+        ),
+    ],
+)
+def test_a_job_in_words(described: dict[str, object], text: str) -> None:
+    assert describe(described) == text

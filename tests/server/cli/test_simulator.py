@@ -1,0 +1,54 @@
+"""sim elvinto: what is handed to the virtual machine."""
+
+from typing import Any
+
+import pytest
+
+from server.cli import simulator
+from tests.server.cli.conftest import Run
+
+
+@pytest.fixture
+def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    seen: dict[str, Any] = {}
+
+    async def run(settings: Any, **rest: Any) -> None:
+        seen.update(settings=settings, **rest)
+        rest["ready"]("/dev/pts/7")
+
+    monkeypatch.setattr(simulator, "run", run)
+    return seen
+
+
+def test_the_address_is_printed(millstream: Run, handed: dict[str, Any]) -> None:
+    outcome = millstream("sim", "elvinto")
+    assert outcome.code == 0
+    assert outcome.out == "virtual ElVinto mill: /dev/pts/7\n"
+    assert handed["faults"] is None
+
+
+def test_options_reach_the_machine(millstream: Run, handed: dict[str, Any]) -> None:
+    options = ["--speed", 20, "--repeat", "reack", "--loss", 0.01, "--seed", 7, "--baud", 9600, "-o", "boot_s=2"]
+    assert millstream("sim", "elvinto", "--tcp", "127.0.0.1:0", *options).code == 0
+    settings = handed["settings"]
+    assert (settings.speed_factor, settings.repeat, settings.boot_s) == (20.0, "reack", 2.0)
+    assert handed["faults"].loss == 0.01
+    assert (handed["seed"], handed["baud"], handed["tcp"], handed["pty"]) == (7, 9600, "127.0.0.1:0", None)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--pty", "p", "--tcp", "a:1"], ["-o", "nonsense"], ["-o", "sped=1"], ["--repeat", "loud"], ["--loss", 2]],
+)
+def test_wrong_options_are_wrong_usage(millstream: Run, handed: dict[str, Any], options: list[object]) -> None:
+    assert millstream("sim", "elvinto", *options).code == 2
+    assert handed == {}
+
+
+def test_a_port_that_cannot_be_had_is_1(millstream: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def run(*_: Any, **__: Any) -> None:
+        raise OSError("address already in use")
+
+    monkeypatch.setattr(simulator, "run", run)
+    outcome = millstream("sim", "elvinto", "--tcp", "127.0.0.1:1")
+    assert (outcome.code, outcome.err) == (1, "address already in use\n")
