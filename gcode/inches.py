@@ -36,8 +36,8 @@ class InchConverter:
 
     def _word(self, word: Word) -> Word:
         if word.letter == "G" and word.code == "G20":
-            return replace(word, value=21.0, text="21")
+            return word._replace(value=21.0, text="21")
         if not self.active or word.letter not in _LENGTHS:
             return word
         text = format(_EXACT.multiply(Decimal(word.text), _MM_PER_INCH), "f")
-        return replace(word, value=float(text), text=text)
+        return word._replace(value=float(text), text=text)
