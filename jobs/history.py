@@ -13,7 +13,7 @@ from sqlite_utils import Database
 
 GENESIS = "0" * 64
 MAX_DATA_CHARS = 256 * 1024
-"""A dump of the last frames is the largest thing written; what a machine says cannot grow the database without bound."""
+"""A dump of the last frames is the largest thing written; a machine cannot make the database grow without bound."""
 
 
 def append(

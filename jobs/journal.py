@@ -127,6 +127,24 @@ def rows_of(db: Database, job: int, *, limit: int, after: int = 0) -> list[dict[
     return [{**row, "inferred": bool(row["inferred"])} for row in db.query(query, [job, after, limit])]
 
 
+def totals(db: Database, job: int) -> dict[str, Any]:
+    """The journal of a job in numbers."""
+    query = """
+        select count(*) as batches, coalesce(sum(blocks), 0) as blocks,
+               coalesce(sum(max(attempts - 1, 0)), 0) as retries,
+               coalesce(sum(inferred), 0) as inferred, coalesce(sum(status = 'undone'), 0) as sent_again,
+               coalesce(sum(seconds * (status = 'ok')), 0) as seconds_estimated
+        from batches where job = ?
+    """
+    (row,) = db.query(query, [job])
+    doubtful = db.query(
+        """select wire_id, line_from, line_to, status from batches
+           where job = ? and status in ('planned', 'failed', 'doubtful') order by seq""",
+        [job],
+    )
+    return {**row, "doubtful": list(doubtful)}
+
+
 def highest_id(db: Database, machine: str) -> int:
     """No ID above it was ever journaled for this machine."""
     row = next(db.query("select highest_id from machines where name = ?", [machine]), None)

@@ -177,6 +177,11 @@ class Runner:
         source.relocate(batches[-1].end if batches else self.position)
         self.source = source
 
+    def unreadable(self, reason: str) -> list[Effect]:
+        """There will be no source: the job fails when what is open has ended."""
+        self._last = self._last or Outcome(Status.FAILED, "program_missing", reason)
+        return self._drain()
+
     def pause(self) -> list[Effect]:
         """Stand still after the batch in flight."""
         if not self._wishes.hold:

@@ -74,7 +74,18 @@ def delete_program(db: Database, id: str) -> int | None:
 # --- jobs -----------------------------------------------------------------------------------------------------
 
 
-def add_job(db: Database, fields: Mapping[str, Any], *, at: str, by: str | None) -> Row:
+def create_job(db: Database, fields: Mapping[str, Any], *, at: str, queue_limit: int) -> Row | None:
+    """A new job, or the one that was made under the same Idempotency-Key; None when the queue is full."""
+    key = fields["idempotency_key"]
+    known = None if key is None else job_by_key(db, key)
+    if known is not None:
+        return known
+    if queue_lengths(db).get(fields["machine"], 0) >= queue_limit:
+        return None
+    return add_job(db, fields, at=at)
+
+
+def add_job(db: Database, fields: Mapping[str, Any], *, at: str) -> Row:
     """A new job at the end of its machine's queue."""
     top = next(db.query("select coalesce(max(rank), 0) as top from jobs where machine = ?", [fields["machine"]]))
     columns = ("status", "rank", "line_done", "restarted", "created_at", *FIELDS_OF_A_NEW_JOB)
@@ -82,7 +93,7 @@ def add_job(db: Database, fields: Mapping[str, Any], *, at: str, by: str | None)
     values += [fields.get(name) for name in FIELDS_OF_A_NEW_JOB]
     cursor = db.execute(f"insert into jobs ({', '.join(columns)}) values ({_marks(columns)})", values)  # noqa: S608
     assert cursor.lastrowid is not None
-    data = {"program": fields["program"], "name": fields["program_name"], "hold": bool(fields["hold"]), "by": by}
+    data = {"program": fields["program"], "name": fields["program_name"], "hold": bool(fields["hold"])}
     history.append(db, at=at, machine=fields["machine"], job=cursor.lastrowid, kind="created", data=data)
     row = job(db, cursor.lastrowid)
     assert row is not None
@@ -131,6 +142,11 @@ def queue_lengths(db: Database) -> dict[str, int]:
     """How many jobs wait, by machine."""
     rows = db.query("select machine, count(*) as n from jobs where status = 'queued' group by machine")
     return {row["machine"]: row["n"] for row in rows}
+
+
+def counts(db: Database) -> dict[str, int]:
+    """How many jobs there are, by status."""
+    return {row["status"]: row["n"] for row in db.query("select status, count(*) as n from jobs group by status")}
 
 
 def move(db: Database, id: int, place: int) -> bool:

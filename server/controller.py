@@ -89,7 +89,7 @@ class Controller(Machine):
             raise ProblemError("not_connected", f"{self.name} is not connected.")
         if self._ready and not self.manual.busy:
             answer = self.manual.put(ClearAlarm)
-            self._pump()
+            self.pump()
             await asyncio.wait([answer], timeout=ALARM_CLEARED_WITHIN_S)
         self._check_no_job()
         if self._port is not port:
@@ -116,7 +116,9 @@ class Controller(Machine):
         """Raises ProblemError unless somebody may use the machine by hand now."""
         self._check_no_job()
         self.check_takes_commands()
-        if self.state.status == "run" and not self.manual.busy:
+        # The engine alone is not asked: it is busy for a moment whenever it looks whether the machine is there.
+        busy = self._engine is not None and self._engine.free() < 1
+        if self.state.status == "run" and busy and not self.manual.busy:
             raise ProblemError("machine_busy", f"{self.name} is running a program of its own.")
 
     def check_can_start(self) -> None:
@@ -141,7 +143,7 @@ class Controller(Machine):
         if not self._ready:
             raise ProblemError("not_connected", f"{self.name} is {self.link_status}.")
         answer = self.manual.put(ClearAlarm)
-        self._pump()
+        self.pump()
         _refused(await answer)
 
     async def run_blocks(self, blocks: list[str]) -> list[dict[str, Any]]:
@@ -164,6 +166,8 @@ class Controller(Machine):
     async def jog(self, axes: dict[str, float], feed: float) -> None:
         """A relative move; answers when it is accepted. Raises ProblemError."""
         self.check_by_hand()
+        if self.manual.waiting:
+            raise ProblemError("machine_busy", f"{self.name} still executes the move before.")
         words = " ".join(f"{axis.upper()}{_number(way)}" for axis, way in sorted(axes.items()))
         move = f"G1 {words} F{_number(feed)}"
         match self.state.absolute:
@@ -179,7 +183,7 @@ class Controller(Machine):
         """The root folder of the SD card. Raises ProblemError."""
         self.check_by_hand()
         answer = self.manual.put(ListFiles)
-        self._pump()
+        self.pump()
         event = await answer
         _refused(event)
         assert isinstance(event, FilesListed)
@@ -189,14 +193,14 @@ class Controller(Machine):
         """Run a program from the SD card; answers when it has begun. Raises ProblemError."""
         self.check_by_hand()
         answer = self.manual.put(lambda token: RunFile(token, name))
-        self._pump()
+        self.pump()
         _refused(await answer)
 
     def _put_block(
         self, blocks: tuple[str, ...], *, droppable: bool = False
     ) -> "asyncio.Future[CommandDone | CommandFailed | FilesListed]":
         answer = self.manual.put(lambda token: RunBlock(token, blocks), droppable=droppable)
-        self._pump()
+        self.pump()
         return answer
 
     # --- the tool ---------------------------------------------------------------------------------------------

@@ -45,6 +45,9 @@ class Db(Protocol):
     def trouble(self) -> str | None:
         """Why nothing can be written at the moment."""
 
+    async def close(self) -> None:
+        """Make everything posted durable, then close."""
+
 
 @dataclass(slots=True)
 class _Post:

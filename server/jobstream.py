@@ -47,7 +47,7 @@ class JobStream:
         self.runner: Runner | None = None
         self.row: Row | None = None
         self.reserved: int | None = None
-        self.on_status: Callable[[int, Status], None] = lambda _job, _status: None
+        self.on_status: Callable[[Status], None] = lambda _status: None
         self._db = db
         self._hub = hub
         self._clock = clock
@@ -220,7 +220,7 @@ class JobStream:
         if effect.after is Status.WAITING:
             self._hub.publish("tool", self.machine, {"tool": effect.tool, "job": runner.job_id})
         if effect.before is not effect.after:
-            self.on_status(runner.job_id, effect.after)
+            self.on_status(effect.after)
 
     def note(self, kind: str, *, job: int | None = None, **data: Any) -> None:
         """Write into the history, of `job` or of the one that has this machine."""

@@ -151,8 +151,8 @@ class Machine:
         engine = self._make_engine(first_id=first_id, now=now, open_work=open_work)
         self._engine = engine
         self._link = Link(engine, port.write, self._handle, self._offer, self._loop)
-        self.stream.link_up(engine, self._pump)
-        self._pump()
+        self.stream.link_up(engine, self.pump)
+        self.pump()
 
     def _end_engine(self, reason: str) -> None:
         link, self._link = self._link, None
@@ -190,7 +190,8 @@ class Machine:
         if epoch == self._reconnect.epoch and self._link is not None:
             self._link.receive(data)
 
-    def _pump(self) -> None:
+    def pump(self) -> None:
+        """There may be something new to hand to the engine, or from it."""
         if self._link is not None:
             self._link.pump()
 

@@ -42,6 +42,11 @@ class Manual:
         """Something by hand is under way."""
         return bool(self._queue or self._sent)
 
+    @property
+    def waiting(self) -> bool:
+        """Something by hand is not with the machine yet."""
+        return bool(self._queue)
+
     def next_token(self) -> int:
         """A token that no other command has."""
         self._token += 1

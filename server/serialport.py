@@ -66,13 +66,29 @@ class _Stream(asyncio.Protocol):
             self._transport.abort()
 
 
-async def open_port(url: str, baud: int, on_data: OnData, on_lost: OnLost) -> Port:
-    """Open whatever `url` names. Raises OSError (serial's errors are OSErrors)."""
-    if url.startswith("sim:"):
-        return await _open_simulated(url.removeprefix("sim:").removeprefix("?"), on_data)
-    if url.startswith("tcp://"):
-        return await _open_tcp(url, on_data, on_lost)
-    return await _open_device(url, baud, on_data, on_lost)
+class PortOpener:
+    """Opens whatever a URL names. One for each machine: a built-in virtual machine outlives its connections."""
+
+    def __init__(self) -> None:
+        self._simulated: dict[str, Any] = {}
+
+    async def __call__(self, url: str, baud: int, on_data: OnData, on_lost: OnLost) -> Port:
+        """Raises OSError (serial's errors are OSErrors)."""
+        if url.startswith("sim:"):
+            return await self._open_simulated(url.removeprefix("sim:").removeprefix("?"), on_data)
+        if url.startswith("tcp://"):
+            return await _open_tcp(url, on_data, on_lost)
+        return await _open_device(url, baud, on_data, on_lost)
+
+    async def _open_simulated(self, query: str, on_data: OnData) -> Port:
+        from sim.elvinto.machine import VirtualElvinto
+        from sim.options import options_from_query
+        from sim.shell import open_memory
+
+        options = options_from_query(query)
+        now = asyncio.get_running_loop().time()
+        machine = self._simulated.setdefault(query, VirtualElvinto(options.settings, now=now))
+        return await open_memory(machine, on_data, faults=options.faults, seed=options.seed, baud=options.baud)
 
 
 async def _open_tcp(url: str, on_data: OnData, on_lost: OnLost) -> Port:
@@ -105,16 +121,6 @@ async def _open_device(path: str, baud: int, on_data: OnData, on_lost: OnLost) -
     serial_asyncio_fast.SerialTransport(asyncio.get_running_loop(), stream, device)
     await asyncio.sleep(0)  # the transport announces itself in the next round of the loop
     return stream
-
-
-async def _open_simulated(query: str, on_data: OnData) -> Port:
-    from sim.elvinto.machine import VirtualElvinto
-    from sim.options import settings_from_query
-    from sim.shell import open_memory
-
-    now = asyncio.get_running_loop().time()
-    port: Port = await open_memory(VirtualElvinto(settings_from_query(query), now=now), on_data)
-    return port
 
 
 def list_ports() -> list[dict[str, Any]]:

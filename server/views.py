@@ -72,17 +72,22 @@ def job_view(row: Row, clock: Clock, runner: Runner | None = None) -> dict[str, 
 def _progress(row: Row, clock: Clock, runner: Runner | None) -> dict[str, Any]:
     done = row["line_done"] if runner is None else runner.cursor.done
     first, last = row["start_line"], row["end_line"]
-    view = {
+    return {
         "line": done,
         "lines": last,
         "acknowledged_lines": max(0, done - first + 1),
         "sent_line": done if runner is None else runner.cursor.sent,
         "seconds_elapsed": _elapsed(row, clock),
-        "seconds_left": None,
+        "seconds_left": None if runner is None else _left(row, runner),
     }
-    if row["status"] != Status.QUEUED and runner is not None and row["total_seconds"] is not None:
-        view["seconds_left"] = round(max(0.0, row["total_seconds"] - runner.seconds_done), 1)
-    return view
+
+
+def _left(row: Row, runner: Runner) -> float | None:
+    """By the estimate of the check; a part of a program has none."""
+    whole = row["start_line"] == 1 and row["end_line"] == row["lines"]
+    if not whole or row["total_seconds"] is None:
+        return None
+    return round(max(0.0, row["total_seconds"] - runner.seconds_done), 1)
 
 
 def _elapsed(row: Row, clock: Clock) -> float | None:

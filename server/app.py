@@ -1,0 +1,151 @@
+"""Where everything is put together: the configuration in, a running workshop out. Nothing is decided here.
+
+The one rule: this is the only place that knows which part is made of what; a test puts the same parts together with
+other clocks, wires and databases (`Parts`).
+"""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from jobs import journal
+from jobs.program import ProgramStore
+from protocol.elvinto.engine import ElvintoEngine
+from protocol.engine import Engine, OpenWork
+from server.clock import Clock, WallClock
+from server.config import Config, MachineConfig
+from server.controller import Controller
+from server.dbthread import Db, DbThread
+from server.hub import Hub
+from server.jobservice import JobService
+from server.machine import EngineFactory
+from server.plans import Planning, Workpiece
+from server.programservice import ProgramService
+from server.serialport import Opener, PortOpener
+from server.starting import Background, Starter
+from server.tokens import TokenStore
+from server.worker import ThreadWorker, Worker
+
+
+def engine_factory(config: MachineConfig) -> EngineFactory:
+    """The engine of this machine's protocol."""
+    dialect = config.elvinto.dialect()
+
+    def make(*, first_id: int, now: float, open_work: OpenWork | None) -> Engine:
+        return ElvintoEngine(dialect, first_id=first_id, baud=config.baud, now=now, open_work=open_work)
+
+    return make
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What a workshop is made of that touches the world."""
+
+    clock: Clock
+    open_db: Callable[[Path], Db]
+    worker: Callable[[str], Worker]
+    opener: Callable[[MachineConfig], Opener]
+
+    @classmethod
+    def real(cls) -> "Parts":
+        """A thread for the database, threads for files, the computer's clock and ports."""
+        return cls(
+            clock=WallClock(),
+            open_db=lambda path: DbThread(path, asyncio.get_running_loop()),
+            worker=ThreadWorker,
+            opener=lambda _config: PortOpener(),
+        )
+
+
+class Workshop:
+    """Everything that the API needs. Between `start` and `stop` the machines are at work."""
+
+    machines: Mapping[str, Controller]
+    jobs: JobService
+    programs: ProgramService
+    hub: Hub
+    db: Db
+    tokens: TokenStore
+
+    def __init__(self, config: Config, parts: Parts) -> None:
+        self.config = config
+        self._parts = parts
+        self._workers: list[Worker] = []
+
+    async def start(self) -> None:
+        """Open the database, take up what was under way, connect what is to be connected."""
+        config, parts = self.config, self._parts
+        folder = config.server.data_dir
+        folder.mkdir(parents=True, exist_ok=True)
+        self.hub = Hub(clock=parts.clock.now)
+        self.db = parts.open_db(config.server.database_path)
+        self.tokens = TokenStore(self.db.run, host=config.server.host, clock=parts.clock.now)
+        await self.tokens.load()
+        store = ProgramStore(config.server.programs_dir)
+        pieces = {machine.name: Workpiece.of(machine) for machine in config.machine}
+        self.programs = ProgramService(
+            store,
+            db=self.db,
+            hub=self.hub,
+            clock=parts.clock,
+            files=self._worker("files"),
+            checks=self._worker("checks"),
+            pieces=pieces,
+            max_upload_bytes=config.server.max_upload_bytes,
+        )
+        self.machines = {machine.name: await self._controller(machine) for machine in config.machine}
+        background = Background()
+        starter = Starter(
+            db=self.db,
+            hub=self.hub,
+            clock=parts.clock,
+            planning=Planning(store),
+            pieces=pieces,
+            worker=self._worker("plans"),
+            background=background,
+        )
+        self.jobs = JobService(
+            self.machines,
+            db=self.db,
+            hub=self.hub,
+            clock=parts.clock,
+            programs=self.programs,
+            starter=starter,
+            background=background,
+            queue_limit=config.server.queue_limit,
+        )
+        await self.jobs.adopt()
+        for controller in self.machines.values():
+            if controller.config.autoconnect:
+                await controller.connect()
+
+    async def stop(self) -> None:
+        """Close the ports, make everything durable. What is in flight is settled at the next start (elvinto §5.4)."""
+        for controller in self.machines.values():
+            controller.close()
+        for worker in self._workers:
+            worker.close()
+        await self.jobs.close()
+        await self.db.close()
+
+    def _worker(self, name: str) -> Worker:
+        worker = self._parts.worker(name)
+        self._workers.append(worker)
+        return worker
+
+    async def _controller(self, config: MachineConfig) -> Controller:
+        return Controller(
+            config,
+            db=self.db,
+            hub=self.hub,
+            clock=self._parts.clock,
+            opener=self._parts.opener(config),
+            engine=engine_factory(config),
+            highest_id=await self.db.run(journal.highest_id, config.name),
+        )
+
+
+def build(config: Config) -> Workshop:
+    """The workshop of the real world; `start` it on the loop that it is to live on."""
+    return Workshop(config, Parts.real())

@@ -1,0 +1,352 @@
+"""The queue and the history for the API: makes jobs, starts them, hands wishes on to the machine that has them.
+
+Not the beginning (starting.py), the running (jobstream.py, jobs/runner.py) or the recovery (recovery.py). The one
+rule: a job starts because somebody asked for it. One that waits without `hold` follows the one before it when that
+was completed; whenever something else happens, the whole queue is put on hold, visibly.
+"""
+
+import asyncio
+import hashlib
+import json
+import logging
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from jobs import history, journal, store
+from jobs.job import ENDED, Status
+from jobs.store import Row
+from server.clock import Clock, stamp
+from server.controller import Controller
+from server.dbthread import Db
+from server.hub import Hub
+from server.problems import ProblemError
+from server.programservice import ProgramService
+from server.recovery import Recovery
+from server.starting import Background, Starter
+from server.views import job_view
+
+log = logging.getLogger(__name__)
+
+Views = list[dict[str, Any]]
+
+BATCHES_LISTED = 10_000
+EVENTS_LISTED = 10_000
+"""Most rows of one answer; the newest."""
+
+
+class JobService:
+    """See the head of this file."""
+
+    def __init__(
+        self,
+        machines: Mapping[str, Controller],
+        *,
+        db: Db,
+        hub: Hub,
+        clock: Clock,
+        programs: ProgramService,
+        starter: Starter,
+        background: Background,
+        queue_limit: int,
+    ) -> None:
+        self.machines = machines
+        self.db = db
+        self.clock = clock
+        self._hub = hub
+        self._programs = programs
+        self._queue_limit = queue_limit
+        self._starter = starter
+        self._background = background
+        self._recovery = Recovery(db, starter)
+        self._lengths: dict[str, int] = {}
+        self._choosing = {name: asyncio.Lock() for name in machines}
+        for name, machine in machines.items():
+            machine.queue_length = partial(self._length, name)
+            machine.stream.on_status = partial(self._on_status, name)
+
+    # --- asking -----------------------------------------------------------------------------------------------
+
+    async def list(self, machine: str | None, status: str | None, limit: int, before: int | None) -> Views:
+        """Jobs, the newest first."""
+        statuses = () if status is None else tuple(part.strip() for part in status.split(",") if part.strip())
+        unknown = [part for part in statuses if part not in list(Status)]
+        if unknown:
+            raise ProblemError(
+                "invalid_request", f"{unknown[0]!r} is no status of a job; there are: {', '.join(Status)}."
+            )
+        rows = await self.db.run(store.jobs, machine=machine, statuses=statuses, limit=limit, before=before)
+        return [self._view(row) for row in rows]
+
+    async def get(self, job_id: int) -> dict[str, Any]:
+        """One job. Raises ProblemError."""
+        return self._view(await self.row(job_id))
+
+    async def batches(self, job_id: int) -> Views:
+        """The journal of a job. Raises ProblemError."""
+        await self.row(job_id)
+        return await self.db.run(journal.rows_of, job_id, limit=BATCHES_LISTED)
+
+    async def events(self, job_id: int) -> Views:
+        """The history of a job. Raises ProblemError."""
+        await self.row(job_id)
+        return await self.db.run(history.of_job, job_id, limit=EVENTS_LISTED)
+
+    async def report(self, job_id: int) -> dict[str, Any]:
+        """The job as a whole. Raises ProblemError."""
+        row = await self.row(job_id)
+        return {"job": self._view(row), **await self.db.run(journal.totals, job_id)}
+
+    async def counts(self) -> dict[str, int]:
+        """How many jobs there are, by status."""
+        return await self.db.run(store.counts)
+
+    async def row(self, job_id: int) -> Row:
+        """Raises ProblemError."""
+        row = await self.db.run(store.job, job_id)
+        if row is None:
+            raise ProblemError("unknown_job", f"There is no job {job_id}.")
+        return row
+
+    def _length(self, machine: str) -> int:
+        return self._lengths.get(machine, 0)
+
+    def machine(self, name: str) -> Controller:
+        """Raises ProblemError."""
+        machine = self.machines.get(name)
+        if machine is None:
+            raise ProblemError("unknown_machine", f"There is no machine {name!r} in the configuration.")
+        return machine
+
+    def _view(self, row: Row) -> dict[str, Any]:
+        machine = self.machines.get(row["machine"])
+        if machine is not None and (live := machine.stream.view()) is not None and live["id"] == row["id"]:
+            return live
+        return job_view(row, self.clock)
+
+    async def recover(self, job_id: int, action: str | None = None, line: int | None = None) -> dict[str, Any]:
+        """After `interrupted`: without an action the plan, else the job as it goes on. Raises ProblemError."""
+        row = await self.row(job_id)
+        if row["status"] != Status.INTERRUPTED:
+            raise ProblemError("wrong_state", f"Job {job_id} is {row['status']}; only an interrupted job is recovered.")
+        controller = self.machine(row["machine"])
+        if action is None:
+            return await self._recovery.plan(controller, row)
+        await self._recovery.go_on(controller, row, action, line)
+        return await self.get(job_id)
+
+    # --- making -----------------------------------------------------------------------------------------------
+
+    async def create(
+        self,
+        program_id: str,
+        machine: str,
+        *,
+        start_line: int | None = None,
+        end_line: int | None = None,
+        hold: bool = False,
+        note: str | None = None,
+        force: bool = False,
+        idempotency_key: str | None = None,
+        rerun_of: int | None = None,
+    ) -> dict[str, Any]:
+        """Queue a run of a program; it starts now if it can and nothing stands before it. Raises ProblemError."""
+        controller = self.machine(machine)
+        request = [program_id, machine, start_line, end_line, hold, note, force]
+        request_hash = hashlib.sha256(json.dumps(request).encode()).hexdigest()
+        if idempotency_key is not None:
+            known = await self.db.run(store.job_by_key, idempotency_key)
+            if known is not None:
+                return self._view(_same_request(known, request_hash))
+        program = await self._programs.get(program_id)
+        first, last = _lines(program, start_line, end_line)
+        report = await self._passed(program_id, machine, force=force)
+        fields = {
+            "machine": machine,
+            "program": program_id,
+            "program_name": program["name"],
+            "hold": hold or self._must_wait(controller),
+            "note": note,
+            "forced": force,
+            "start_line": first,
+            "end_line": last,
+            "lines": program["lines"],
+            "total_seconds": report["seconds"],
+            "idempotency_key": idempotency_key,
+            "request_hash": request_hash,
+            "rerun_of": rerun_of,
+        }
+        made = await self.db.run(store.create_job, fields, at=stamp(self.clock), queue_limit=self._queue_limit)
+        if made is None:
+            raise ProblemError("queue_full", f"{self._queue_limit} jobs wait for {machine} (server.queue_limit).")
+        row = _same_request(made, request_hash)
+        self._hub.publish("job", machine, self._view(row))
+        await self.start_next(machine)
+        return await self.get(row["id"])
+
+    def _must_wait(self, controller: Controller) -> bool:
+        """Whether the job can neither start now nor follow another one: then it is put on hold."""
+        if controller.stream.moving:
+            return False
+        try:
+            controller.check_can_start()
+        except ProblemError:
+            return True
+        return False
+
+    async def _passed(self, program_id: str, machine: str, *, force: bool) -> dict[str, Any]:
+        report = await self._programs.check(program_id, machine=machine)
+        if report["errors"]:
+            worst = report["errors"][0]
+            detail = f"Line {worst['line']}: {worst['message']}. Mend the program; errors cannot be forced."
+            raise ProblemError("preflight_failed", detail, report=report)
+        if report["blocks"] == 0:
+            raise ProblemError("empty_program", "The program has no blocks to execute.")
+        if report["warnings"] and not force:
+            worst = report["warnings"][0]
+            detail = (
+                f'Line {worst["line"]}: {worst["message"]}. Look at the report; "force": true runs it all the same.'
+            )
+            raise ProblemError("preflight_warnings", detail, report=report)
+        return report
+
+    async def rerun(self, job_id: int) -> dict[str, Any]:
+        """The same once more, as a new job. Raises ProblemError."""
+        row = await self.row(job_id)
+        return await self.create(
+            row["program"],
+            row["machine"],
+            start_line=row["start_line"],
+            end_line=row["end_line"],
+            note=row["note"],
+            force=bool(row["forced"]),
+            rerun_of=job_id,
+        )
+
+    # --- the queue --------------------------------------------------------------------------------------------
+
+    async def move(self, job_id: int, position: int) -> dict[str, Any]:
+        """Put a waiting job at a place of its queue, 1 is next. Raises ProblemError."""
+        row = await self.row(job_id)
+        if not await self.db.run(store.move, job_id, position - 1):
+            raise ProblemError("wrong_state", f"Job {job_id} does not wait in the queue any more.")
+        await self.announce_queue(row["machine"])
+        return await self.get(job_id)
+
+    async def announce_queue(self, machine: str) -> None:
+        """Tell everybody how the queue stands."""
+        rows = await self.db.run(store.queue, machine)
+        self._lengths[machine] = len(rows)
+        jobs = [{"id": row["id"], "program_name": row["program_name"], "hold": bool(row["hold"])} for row in rows]
+        self._hub.publish("queue", machine, {"jobs": jobs})
+
+    def _on_status(self, machine: str, status: Status) -> None:
+        """A job has changed. One that was completed makes way for the next; after any other end the queue holds."""
+        if status is Status.COMPLETED:
+            self._background.begin(self.start_next(machine))
+        elif status in ENDED:
+            self._background.begin(self._hold(machine))
+
+    async def _hold(self, machine: str) -> None:
+        await self.db.run(store.hold_queue, machine)
+        await self.announce_queue(machine)
+
+    # --- wishes -----------------------------------------------------------------------------------------------
+
+    async def pause(self, job_id: int) -> dict[str, Any]:
+        """Pause, or put on hold while it waits. Raises ProblemError."""
+        if (controller := self._has_machine(job_id)) is not None:
+            controller.pause()
+            return await self.get(job_id)
+        row = await self._waiting(job_id, "be paused")
+        await self.db.run(store.set_hold, job_id, True)
+        await self.announce_queue(row["machine"])
+        return await self.get(job_id)
+
+    async def resume(self, job_id: int) -> dict[str, Any]:
+        """Go on after a pause; or let a job that is on hold go, at once if it is next. Raises ProblemError."""
+        if (controller := self._has_machine(job_id)) is not None:
+            controller.resume()
+            return await self.get(job_id)
+        row = await self._waiting(job_id, "be resumed")
+        controller = self.machine(row["machine"])
+        if not controller.stream.moving:
+            controller.check_can_start()
+        await self.db.run(store.set_hold, job_id, False)
+        await self.start_next(row["machine"])
+        return await self.get(job_id)
+
+    async def cancel(self, job_id: int) -> dict[str, Any]:
+        """End it, after the batch in flight. Raises ProblemError."""
+        if (controller := self._has_machine(job_id)) is not None:
+            if controller.stream.reserved == job_id:
+                self._starter.cancel(job_id)
+            else:
+                controller.stop()
+            return await self.get(job_id)
+        row = await self._waiting(job_id, "be cancelled")
+        await self._starter.set_status(row, Status.CANCELLED)
+        await self.announce_queue(row["machine"])
+        return await self.get(job_id)
+
+    def _has_machine(self, job_id: int) -> Controller | None:
+        """The machine that this job has."""
+        return next((machine for machine in self.machines.values() if machine.stream.active_job == job_id), None)
+
+    async def _waiting(self, job_id: int, verb: str) -> Row:
+        row = await self.row(job_id)
+        if row["status"] != Status.QUEUED:
+            raise ProblemError("wrong_state", f"Job {job_id} is {row['status']} and cannot {verb}.")
+        return row
+
+    # --- starting ---------------------------------------------------------------------------------------------
+
+    async def start_next(self, machine: str) -> None:
+        """Start the first job of the queue that is not on hold, if the machine can take it."""
+        async with self._choosing[machine]:
+            row = await self._choose(self.machines[machine])
+        if row is not None:
+            await self._starter.start(self.machines[machine], row)
+        await self.announce_queue(machine)
+
+    async def _choose(self, controller: Controller) -> Row | None:
+        """The job that may begin; the machine is reserved for it."""
+        rows = await self.db.run(store.queue, controller.name)
+        row = next((row for row in rows if not row["hold"]), None)
+        if row is None or controller.stream.moving:
+            return None
+        try:
+            controller.check_can_start()
+        except ProblemError as problem:
+            log.info("%s: job %d is put on hold: %s", controller.name, row["id"], problem)
+            await self.db.run(store.hold_queue, controller.name)
+            return None
+        controller.stream.reserved = row["id"]
+        return row
+
+    async def adopt(self) -> None:
+        """Take up what a daemon before us left: before any port is opened."""
+        for name, controller in self.machines.items():
+            await self._starter.adopt(controller)
+            await self.announce_queue(name)
+
+    async def close(self) -> None:
+        """The daemon ends: what still goes on beside it does not."""
+        await self._background.close()
+
+
+def _same_request(row: Row, request_hash: str) -> Row:
+    if row["request_hash"] != request_hash:
+        raise ProblemError(
+            "idempotency_conflict", f"This Idempotency-Key was used for job {row['id']}, which is another."
+        )
+    return row
+
+
+def _lines(program: Mapping[str, Any], start_line: int | None, end_line: int | None) -> tuple[int, int]:
+    first, last = start_line or 1, end_line or program["lines"]
+    if not 1 <= first <= last <= program["lines"]:
+        raise ProblemError(
+            "invalid_request", f"Lines {first} to {last} are not in {program['name']}, which has {program['lines']}."
+        )
+    return first, last

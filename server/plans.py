@@ -1,0 +1,128 @@
+"""From a job's row to a planner: reads the program, follows what is left out, says again what that would have set.
+
+Runs in a worker, for following a long program takes its time. The one rule: nothing here touches the loop, the
+machine or the database.
+"""
+
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+from gcode.check import check_program
+from gcode.motion import Motion
+from gcode.profile import Profile, load_profile
+from jobs.batch import BatchLimits, BatchPlanner
+from jobs.program import ProgramStore
+from jobs.restart import Switches, first_block, prologue, with_prologue
+from jobs.store import Row
+from protocol.commands import Position
+from server.config import MachineConfig
+
+PREVIEW_BATCHES = 3
+PREVIEW_BLOCKS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Workpiece:
+    """What planning needs to know of a machine."""
+
+    profile: Profile
+    motion: Motion
+    limits: BatchLimits
+    compact: bool
+    convert_inches: bool
+    encoding: str
+
+    @classmethod
+    def of(cls, config: MachineConfig) -> "Workpiece":
+        """From the configuration."""
+        elvinto = config.elvinto
+        return cls(
+            load_profile(config.profile),
+            config.motion.motion(),
+            elvinto.limits(),
+            elvinto.compact,
+            elvinto.convert_inches,
+            elvinto.encoding,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A planner that stands before `line`, and the blocks that it sends first of all."""
+
+    planner: BatchPlanner
+    line: int
+    prologue: tuple[str, ...] = ()
+
+
+class Planning:
+    """Makes planners. Raises KeyError, OSError when the file is gone, CannotStartError, PlanError."""
+
+    def __init__(self, programs: ProgramStore) -> None:
+        self._programs = programs
+
+    def start(self, piece: Workpiece, row: Row, *, line: int, position: Position, absolute: bool | None) -> Plan:
+        """Begin at `line`, the machine standing at `position`. From the middle, the modal state is restored first."""
+        if line <= 1:
+            lines = self._programs.lines(row["program"], 1, row["end_line"])
+            return Plan(self._planner(piece, lines, position=position, absolute=absolute), 1)
+        id, encoding = row["program"], piece.encoding
+        switches = Switches(self._programs.lines(id, 1, line - 1), encoding)
+        modal = self._planner(piece, switches, absolute=absolute, skip_to=line).modal
+        first = first_block(self._programs.lines(id, line, row["end_line"]), encoding)
+        blocks = prologue(modal, switches, piece.profile, first)
+        before = self._programs.lines(id, 1, line - 1)
+        rest = self._programs.lines(id, line, row["end_line"])
+        planner = self._planner(piece, with_prologue(before, line, blocks, rest), absolute=absolute, skip_to=line)
+        planner.relocate(position)
+        return Plan(planner, line, tuple(blocks))
+
+    def go_on(self, piece: Workpiece, row: Row, *, line: int) -> BatchPlanner:
+        """What comes from `line` on, for a machine that executed everything before it and kept its modal state."""
+        lines = self._programs.lines(row["program"], 1, row["end_line"])
+        # Whether it began in G90 or G91 is in no journal; without the program saying so, nothing may be left out.
+        planner = self._planner(piece, lines, absolute=None, skip_to=line)
+        planner.modal  # noqa: B018 - follows the lines before, here in the worker
+        return planner
+
+    def preview(self, plan: Plan) -> list[str]:
+        """The first blocks that would go out. The planner is used up by it."""
+        batches = (plan.planner.next() for _ in range(PREVIEW_BATCHES))
+        blocks = (block for batch in batches if batch is not None for block in batch.blocks)
+        return list(islice(blocks, PREVIEW_BLOCKS))
+
+    def check(self, piece: Workpiece, program: str) -> dict[str, Any]:
+        """The report of the check before a run, as JSON."""
+        lines = (raw for _, raw in self._programs.lines(program))
+        report = check_program(
+            lines,
+            piece.profile,
+            piece.motion,
+            convert_inches=piece.convert_inches,
+            max_block_bytes=piece.limits.max_batch_bytes,
+            encoding=piece.encoding,
+        )
+        return report.to_json()
+
+    def _planner(
+        self,
+        piece: Workpiece,
+        lines: Any,
+        *,
+        position: Position | None = None,
+        absolute: bool | None = True,
+        skip_to: int = 1,
+    ) -> BatchPlanner:
+        return BatchPlanner(
+            lines,
+            piece.profile,
+            piece.motion,
+            piece.limits,
+            compact=piece.compact,
+            convert_inches=piece.convert_inches,
+            encoding=piece.encoding,
+            position=position,
+            absolute=absolute,
+            skip_to=skip_to,
+        )

@@ -1,0 +1,162 @@
+"""Programs for the API: uploads streamed to disk, the list, the source, the check. Files are jobs/program.py's.
+
+The one rule: an upload is complete and durable, or there is nothing of it; it is never in memory as a whole.
+"""
+
+import errno
+from collections import OrderedDict
+from collections.abc import AsyncIterator, Mapping
+from typing import Any
+
+from gcode.lines import MAX_LINE_BYTES
+from gcode.motion import Motion
+from gcode.profile import ProfileError, load_profile
+from gcode.words import decode_line
+from jobs import store
+from jobs.batch import BatchLimits
+from jobs.program import NotAProgramError, ProgramStore, UnknownProgramError
+from server.clock import Clock, stamp
+from server.dbthread import Db
+from server.hub import Hub
+from server.plans import Planning, Workpiece
+from server.problems import ProblemError
+from server.worker import Worker
+
+LISTED = 1000
+SOURCE_LINES = 10_000
+"""Most lines of one answer."""
+CHECKS_KEPT = 32
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
+
+
+def disk_problem(error: OSError) -> Exception:
+    """What a user can mend is a problem; everything else is an error of the daemon."""
+    if error.errno in FULL:
+        return ProblemError("disk_full", f"The program cannot be stored: {error.strerror}. Nothing of it was kept.")
+    return error
+
+
+class ProgramService:
+    """See the head of this file. `pieces` are the machines' profiles by name."""
+
+    def __init__(
+        self,
+        programs: ProgramStore,
+        *,
+        db: Db,
+        hub: Hub,
+        clock: Clock,
+        files: Worker,
+        checks: Worker,
+        pieces: Mapping[str, Workpiece],
+        max_upload_bytes: int,
+    ) -> None:
+        self._programs = programs
+        self._planning = Planning(programs)
+        self._db = db
+        self._hub = hub
+        self._clock = clock
+        self._files = files
+        self._checks = checks
+        self._pieces = pieces
+        self._max_upload_bytes = max_upload_bytes
+        self._checked: OrderedDict[tuple[str, str], dict[str, Any]] = OrderedDict()
+
+    async def store(self, chunks: AsyncIterator[bytes], name: str) -> tuple[dict[str, Any], bool]:
+        """Keep an upload; the program and whether its content is new. Raises ProblemError."""
+        try:
+            info = await self._upload(chunks, name)
+        except OSError as error:
+            raise disk_problem(error) from error
+        except NotAProgramError as error:
+            raise ProblemError("not_a_program", f"{name}: {error}.") from error
+        row = {
+            "id": info.id,
+            "name": name,
+            "lines": info.lines,
+            "bytes": info.bytes,
+            "sha256": info.sha256,
+            "created_at": stamp(self._clock),
+        }
+        kept, created = await self._db.run(store.add_program, row)
+        if created:
+            self._hub.publish("program", None, {"id": info.id, "name": name, "action": "created"})
+        return dict(kept), created
+
+    async def _upload(self, chunks: AsyncIterator[bytes], name: str) -> Any:
+        writer = await self._files.run(self._programs.writer, name)
+        try:
+            async for chunk in chunks:
+                if writer.bytes_written + len(chunk) > self._max_upload_bytes:
+                    limit = self._max_upload_bytes
+                    raise ProblemError("too_large", f"{name} has more than {limit} bytes (server.max_upload_bytes).")
+                await self._files.run(writer.write, chunk)
+            if writer.bytes_written == 0:
+                raise ProblemError("empty_program", f"{name} is empty.")
+            return await self._files.run(writer.finish)
+        finally:
+            await self._files.run(writer.abort)
+
+    async def list(self) -> list[dict[str, Any]]:
+        """The newest first."""
+        return [dict(row) for row in await self._db.run(store.programs, limit=LISTED)]
+
+    async def get(self, program_id: str) -> dict[str, Any]:
+        """One program. Raises ProblemError."""
+        row = await self._db.run(store.program, program_id)
+        if row is None:
+            raise ProblemError("unknown_program", f"There is no program {program_id!r}.")
+        return dict(row)
+
+    async def source(self, program_id: str, first: int, last: int) -> dict[str, Any]:
+        """Lines `first` to `last`, at most SOURCE_LINES of them. Raises ProblemError."""
+        program = await self.get(program_id)
+        last = min(last, first + SOURCE_LINES - 1, program["lines"])
+
+        def read() -> list[dict[str, Any]]:
+            lines = self._programs.lines(program_id, first, last)
+            return [{"line": line, "text": decode_line(raw[:MAX_LINE_BYTES])} for line, raw in lines]
+
+        return {"id": program_id, "from": first, "to": last, "lines": await self._read(program_id, read)}
+
+    async def check(self, program_id: str, *, machine: str | None = None, profile: str | None = None) -> dict[str, Any]:
+        """The check before a run, against a machine or a profile. Raises ProblemError."""
+        piece, name = self._piece(machine, profile)
+        known = self._checked.get((program_id, name))
+        if known is not None:
+            self._checked.move_to_end((program_id, name))
+            return known
+        await self.get(program_id)
+        report: dict[str, Any] = await self._read(program_id, self._planning.check, piece, program_id, slow=True)
+        self._checked[program_id, name] = report
+        if len(self._checked) > CHECKS_KEPT:
+            self._checked.popitem(last=False)
+        return report
+
+    async def delete(self, program_id: str) -> None:
+        """Forget a program. Raises ProblemError while a job needs it."""
+        program = await self.get(program_id)
+        job = await self._db.run(store.delete_program, program_id)
+        if job is not None:
+            raise ProblemError("program_in_use", f"Job {job} has not ended and needs {program['name']}.")
+        await self._read(program_id, self._programs.delete, program_id)
+        self._hub.publish("program", None, {"id": program_id, "name": program["name"], "action": "deleted"})
+
+    def _piece(self, machine: str | None, profile: str | None) -> tuple[Workpiece, str]:
+        if machine is not None:
+            if machine not in self._pieces:
+                raise ProblemError("unknown_machine", f"There is no machine {machine!r}.")
+            return self._pieces[machine], f"machine {machine}"
+        try:
+            loaded = load_profile(profile or "elvinto")
+        except ProfileError as error:
+            raise ProblemError("invalid_request", f"{error}.") from error
+        piece = Workpiece(loaded, Motion(), BatchLimits(), compact=True, convert_inches=False, encoding="utf-8")
+        return piece, f"profile {loaded.name}"
+
+    async def _read(self, program_id: str, fn: Any, *args: Any, slow: bool = False) -> Any:
+        worker = self._checks if slow else self._files
+        try:
+            return await worker.run(fn, *args)
+        except UnknownProgramError as error:
+            raise ProblemError("unknown_program", f"The file of program {program_id!r} is not there.") from error

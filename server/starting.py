@@ -1,0 +1,198 @@
+"""Gives a machine to a job: plans its program and begins, and takes up jobs of a daemon before this one.
+
+Not the queue (jobservice.py) and not the running (jobstream.py). The one rule: between the last look whether the
+machine can take the job and the moment it has it, nothing is awaited.
+"""
+
+import asyncio
+import logging
+from collections.abc import Coroutine, Mapping
+from typing import Any
+
+from jobs import journal, store
+from jobs.batch import PlanError
+from jobs.cursor import Cursor
+from jobs.effects import SetStatus
+from jobs.flight import Adopted
+from jobs.job import JobError, Status
+from jobs.program import UnknownProgramError
+from jobs.restart import CannotStartError
+from jobs.runner import Runner
+from jobs.store import Row
+from server.clock import Clock, stamp
+from server.controller import Controller
+from server.dbthread import Db
+from server.hub import Hub
+from server.plans import Plan, Planning, Workpiece
+from server.problems import ProblemError
+from server.views import job_view
+from server.worker import Worker
+
+log = logging.getLogger(__name__)
+
+UNSTARTABLE = (UnknownProgramError, OSError, CannotStartError, PlanError)
+
+
+class Background:
+    """Tasks that nobody waits for; they end with the daemon."""
+
+    def __init__(self) -> None:
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def begin(self, work: Coroutine[Any, Any, None]) -> None:
+        """Have it done."""
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def close(self) -> None:
+        """Cancel what still goes on."""
+        tasks = list(self._tasks)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+class Starter:
+    """See the head of this file."""
+
+    def __init__(
+        self,
+        *,
+        db: Db,
+        hub: Hub,
+        clock: Clock,
+        planning: Planning,
+        pieces: Mapping[str, Workpiece],
+        worker: Worker,
+        background: Background,
+    ) -> None:
+        self.planning = planning
+        self.pieces = pieces
+        self.worker = worker
+        self._db = db
+        self._hub = hub
+        self._clock = clock
+        self._background = background
+        self._cancelled: set[int] = set()
+
+    def cancel(self, job_id: int) -> None:
+        """The job that is being prepared is not to begin."""
+        self._cancelled.add(job_id)
+
+    async def start(self, controller: Controller, row: Row) -> None:
+        """Plan the program and begin. The machine is reserved for this job."""
+        await self.set_status(row, Status.CHECKING)
+        state = controller.state
+        try:
+            plan = await self.worker.run(
+                self.planning.start,
+                self.pieces[controller.name],
+                row,
+                line=row["start_line"],
+                position=state.position,
+                absolute=state.absolute,
+            )
+        except UNSTARTABLE as error:
+            controller.stream.reserved = None
+            code = "not_plannable" if isinstance(error, CannotStartError | PlanError) else "program_missing"
+            await self.set_status(row, Status.FAILED, JobError(code, str(error)))
+            await self._db.run(store.hold_queue, controller.name)
+            return
+        if row["id"] in self._cancelled:
+            self._cancelled.discard(row["id"])
+            controller.stream.reserved = None
+            await self.set_status(row, Status.CANCELLED)
+            return
+        await self._begin(controller, row, plan)
+
+    async def _begin(self, controller: Controller, row: Row, plan: Plan) -> None:
+        controller.stream.reserved = None
+        try:
+            controller.check_can_start()
+        except ProblemError as problem:
+            # It was torn down while the program was read. Nothing was sent; somebody has to ask again.
+            log.info("%s: job %d goes back to the queue: %s", controller.name, row["id"], problem)
+            await self.set_status(row, Status.QUEUED)
+            await self._db.run(store.hold_queue, controller.name)
+            return
+        self.run_plan(controller, row, plan, before=Status.CHECKING)
+
+    def run_plan(
+        self, controller: Controller, row: Row, plan: Plan, *, before: Status, next_seq: int = 1, seconds: float = 0.0
+    ) -> None:
+        """Give the machine to the job. Nothing is awaited since the check that it may."""
+        runner = Runner(
+            row["id"],
+            plan.planner,
+            controller.config.resume_within,
+            cursor=Cursor.at(max(plan.line, row["start_line"]) - 1),
+            position=dict(controller.state.position),
+            next_seq=next_seq,
+            announced=before,
+            seconds_done=seconds,
+        )
+        if plan.prologue:
+            controller.stream.note("prologue", job=row["id"], line=plan.line, blocks=list(plan.prologue))
+        controller.stream.begin(row, runner, runner.begin())
+
+    async def set_status(self, row: Row, status: Status, error: JobError | None = None) -> None:
+        """Of a job that no runner has."""
+        effect = SetStatus(Status(row["status"]), status, row["line_done"], error=error)
+        await self._db.run(store.set_status, row["id"], effect, at=stamp(self._clock))
+        now = await self._db.run(store.job, row["id"])
+        assert now is not None
+        self._hub.publish("job", row["machine"], job_view(now, self._clock))
+
+    # --- the daemon has begun ---------------------------------------------------------------------------------
+
+    async def adopt(self, controller: Controller) -> None:
+        """Take up what a daemon before us left on this machine: before its port is opened."""
+        row = await self._db.run(store.active_job, controller.name)
+        if row is not None and row["status"] == Status.CHECKING:
+            await self.set_status(row, Status.QUEUED)
+            row = None
+        if row is None:
+            await self._db.run(store.hold_queue, controller.name)
+        else:
+            await self._adopt(controller, row)
+
+    async def _adopt(self, controller: Controller, row: Row) -> None:
+        past = await self._db.run(journal.past, row["id"])
+        alive_at = await self._db.run(journal.alive_at, controller.name)
+        status = Status(row["status"])
+        opened = past.open
+        runner = Runner(
+            row["id"],
+            None,
+            controller.config.resume_within,
+            cursor=Cursor.at(row["line_done"]),
+            position=past.position,
+            next_seq=past.next_seq,
+            seconds_done=past.seconds_done,
+        )
+        adopted = Adopted(
+            status,
+            open=opened,
+            hold=bool(row["hold"]),
+            tool=row["tool"],
+            error=store.error_of(row),
+            restarted=bool(row["restarted"]),
+        )
+        last_life_at = controller.stream.adopt_alive(alive_at)
+        controller.stream.begin(row, runner, runner.adopt(adopted, last_life_at=last_life_at))
+        controller.stream.note("daemon_started", open=[entry.wire_id for entry in opened], line_done=row["line_done"])
+        if status is not Status.INTERRUPTED:
+            line = (opened[-1].batch.last_line if opened else row["line_done"]) + 1
+            self._background.begin(self._supply(controller, row, runner, line))
+
+    async def _supply(self, controller: Controller, row: Row, runner: Runner, line: int) -> None:
+        """What comes after the open rows. Reading a long program takes longer than settling their fate."""
+        piece = self.pieces[controller.name]
+        try:
+            planner = await self.worker.run(self.planning.go_on, piece, row, line=line)
+        except UNSTARTABLE as error:
+            controller.stream.react(runner.unreadable(str(error)))
+            return
+        runner.supply(planner)
+        controller.pump()
