@@ -118,7 +118,7 @@ class _Checker:
         before = self._tracker.position
         step = self._tracker.step(block)
         self._seconds += step.seconds
-        if step.moves:
+        if step.moves and step.kind != "homing":
             self._first_motion(line)
             self._moved(line, block, step)
         elif self._tracker.position is not before and any(code.effect in _SHIFTING for code in codes):
@@ -212,8 +212,6 @@ class _Checker:
             self._warn(line, 1, "units_not_set", "the program moves before it says G21")
 
     def _moved(self, line: int, block: Block, step: Step) -> None:
-        if step.kind == "homing":
-            return
         if not self._envelope:
             text = "the envelope control is off here: G28, G29 or W72 switch it on"
             self._warn_once(line, "envelope_off", text)
@@ -229,8 +227,8 @@ class _Checker:
 
     def _fed(self, line: int, block: Block) -> None:
         modal = self._tracker.modal
-        if modal.motion is None:
-            self.error(line, 1, "motion_not_set", "axis words before any G0, G1, G2 or G3")
+        if modal.motion is None or self._profile.codes[modal.motion].effect == "cancel":
+            self.error(line, 1, "motion_not_set", "axis words without G0, G1, G2 or G3 before them")
         elif modal.feed_mm_min is None or modal.feed_mm_min <= 0:
             column = _column(block, "F")
             self.error(line, column, "feed_missing", f"{modal.motion} without a feed (no F before it, or F0)")

@@ -73,7 +73,8 @@ class Compactor:
             return set()
         dropped = set()
         if modes:
-            if modes[0] == self._mode and g_words == 1:
+            # Without axis words it would be a guess that the controller still takes the rest as a motion.
+            if modes[0] == self._mode and g_words == 1 and not _AXIS_LETTERS.isdisjoint(values):
                 dropped.add("G")
             self._mode = modes[0]
         if (feed := values.get("F")) is not None:
