@@ -1,0 +1,52 @@
+"""docs/configuration.md against the model: every key, its default, what is allowed."""
+
+import json
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from server.config import DEFAULT_DATA_DIR, AxisConfig, ElvintoConfig, MachineConfig, MotionConfig, ServerConfig
+from server.configfile import describe
+from tests.harness.docs import page, rows, section
+
+SECTIONS: list[tuple[str, type[BaseModel]]] = [
+    ("## `[server]`", ServerConfig),
+    ("## `[[machine]]`", MachineConfig),
+    ("## `[machine.elvinto]`", ElvintoConfig),
+    ("## `[machine.motion]`", AxisConfig),
+]
+
+
+def shown(name: str, default: Any) -> str:
+    if name == "data_dir":
+        return json.dumps(DEFAULT_DATA_DIR)
+    if default is PydanticUndefined:
+        return "*required*"
+    return "*none*" if default is None else json.dumps(default)
+
+
+def expected(model: type[BaseModel]) -> dict[str, tuple[str, str]]:
+    return {
+        name: (shown(name, field.default), describe(field))
+        for name, field in model.model_fields.items()
+        if not isinstance(field.default, BaseModel)
+    }
+
+
+@pytest.mark.parametrize(("heading", "model"), SECTIONS)
+def test_every_key_with_default_and_what_is_allowed(heading: str, model: type[BaseModel]) -> None:
+    table = rows(section(page("configuration.md"), heading), "key", "default", "allowed", "meaning")
+    assert {row[0]: (row[1], row[2]) for row in table} == expected(model)
+    assert all(row[3] for row in table)
+
+
+def test_every_section_of_a_machine_has_its_own_table() -> None:
+    sections = {name for name, field in MachineConfig.model_fields.items() if isinstance(field.default, BaseModel)}
+    assert {f"## `[machine.{name}]`" for name in sections} <= {heading for heading, _ in SECTIONS}
+
+
+def test_the_axes_are_named() -> None:
+    text = section(page("configuration.md"), "## `[machine.motion]`")
+    assert all(f"`{axis}`" in text for axis in MotionConfig.model_fields)
