@@ -17,7 +17,6 @@ from prometheus_client.metrics_core import (
     Metric,
 )
 from prometheus_client.registry import Collector as Base
-from sqlite_utils import Database
 
 from server.hub import Hub
 
@@ -152,11 +151,6 @@ class Collector(Base):
             histogram = read(control.metrics)
             family.add_metric((machine,), histogram.cumulative(), histogram.total)
         return family
-
-
-def jobs_by_status(db: Database) -> dict[str, int]:
-    """How many jobs there are in each status; runs where the database lives."""
-    return {row["status"]: row["n"] for row in db.query("select status, count(*) as n from jobs group by status")}
 
 
 def exposition(machines: Mapping[str, CountedMachine], hub: Hub, jobs_by_status: Mapping[str, int]) -> bytes:

@@ -15,7 +15,6 @@ from server.api.models import (
     JobEventView,
     JobReportView,
     JobRequest,
-    JobStatus,
     JobView,
     MoveRequest,
     RecoverRequest,
@@ -93,7 +92,9 @@ def _views(app: FastAPI, services: Services) -> None:
     @routes.add("GET", "/jobs", role=Role.VIEWER, summary="List jobs, newest first", model=list[JobView])
     async def list_jobs(
         machine: Annotated[str | None, Query(max_length=64, description="Only of this machine")] = None,
-        status: Annotated[JobStatus | None, Query(description="Only in this status")] = None,
+        status: Annotated[
+            str | None, Query(max_length=200, description="Only in these", examples=["queued,running"])
+        ] = None,
         limit: Annotated[int, Query(ge=1, le=MAX_PAGE, description="How many at most")] = DEFAULT_PAGE,
         before: Annotated[int | None, Query(ge=1, description="Only jobs with a lower id: the next page")] = None,
     ) -> Response:

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from server.hub import Hub
 from server.metrics import MachineMetrics
-from server.tokens import RunInDatabase, TokenStore
+from server.tokens import TokenStore
 
 Json = dict[str, Any]
 
@@ -65,6 +65,7 @@ class Jobs(Protocol):
     async def batches(self, job_id: int) -> Sequence[Json]: ...
     async def events(self, job_id: int) -> Sequence[Json]: ...
     async def report(self, job_id: int) -> Json: ...
+    async def counts(self) -> Mapping[str, int]: ...
 
 
 class Programs(Protocol):
@@ -96,13 +97,6 @@ class Settings(Protocol):
     def server(self) -> ServerSettings: ...
 
 
-class Database(Protocol):
-    """The writer thread (`server.dbthread.Db`)."""
-
-    @property
-    def run(self) -> RunInDatabase: ...
-
-
 class Services(Protocol):
     """Everything that is put together in `server/app.py`."""
 
@@ -118,5 +112,3 @@ class Services(Protocol):
     def tokens(self) -> TokenStore: ...
     @property
     def config(self) -> Settings: ...
-    @property
-    def db(self) -> Database: ...

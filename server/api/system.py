@@ -20,7 +20,7 @@ from server.api.routing import Routes, json_response
 from server.api.services import Services
 from server.auth import Role
 from server.metrics import MEDIA_TYPE as METRICS_MEDIA_TYPE
-from server.metrics import exposition, jobs_by_status
+from server.metrics import exposition
 from server.problems import ProblemError
 
 MEDIA_TYPES = {
@@ -57,7 +57,7 @@ def _watching(app: FastAPI, services: Services) -> None:
         },
     )
     async def metrics() -> Response:
-        counts: dict[str, int] = await services.db.run(jobs_by_status)
+        counts = await services.jobs.counts()
         text = exposition(services.machines, services.hub, counts)
         return Response(text, media_type=METRICS_MEDIA_TYPE)
 
