@@ -139,6 +139,9 @@ class HostileWire:
         return self._line.carried_bytes
 
     def send(self, data: bytes, now: float) -> None:
+        """Bytes into the wire, or what is left of them. Nothing in is nothing out, without noise too."""
+        if not data:
+            return
         if self._cut or any(start <= now < until for start, until in self._rates.silences):
             self.lost_bytes += len(data)
             return

@@ -283,7 +283,7 @@ def recording(path: Path | None) -> Iterator[Callable[[Executed], None] | None]:
     with path.open("a", encoding="utf-8", newline="\n") as file:
 
         def record(block: Executed) -> None:
-            file.write(f"{block.id}\t{block.text}\n")
+            file.write(f"{block.id}\t{' '.join(block.text.split())}\n")
             file.flush()
 
         yield record

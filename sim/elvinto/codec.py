@@ -90,7 +90,7 @@ class CheckHeader:
         """Raises MalformedError when VALUE or MD5 is missing or no number stands where one must."""
         try:
             wire_id = found.params.get("ID")
-            numbers = [found.params["VALUE"], wire_id or b"0"]
+            numbers = [found.params["VALUE"], b"0" if wire_id is None else wire_id]
             if not all(number.isalnum() for number in numbers):  # int() would also take blanks, signs and `_`
                 raise MalformedError("a number with signs in it")
             return cls(

@@ -43,7 +43,7 @@ MAX_NUMBER: Final = 1e9
 """Beyond this no sum of coordinates is exact to a micrometre; it also keeps infinity out."""
 
 _WORD = re.compile(r"\s*([A-Za-z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
-_SD_NOISE = re.compile(r"\([^)]*\)|;.*|%|\bN\d+", re.ASCII | re.IGNORECASE)
+_SD_NOISE = re.compile(r"\([^)]*\)|;.*|%|\b[NO]\d+", re.ASCII | re.IGNORECASE)
 
 
 class BlockError(Exception):
@@ -101,7 +101,7 @@ def split_batch(data: str) -> list[str]:
 
 
 def sd_blocks(content: bytes, encoding: str) -> Iterator[str]:
-    """The blocks of a file on the card: comments, `%` and line numbers left out."""
+    """The blocks of a file on the card: comments, `%`, N and O words left out."""
     for line in content.decode(encoding, errors="replace").splitlines():
         if text := _SD_NOISE.sub("", line).strip():
             yield text

@@ -1,0 +1,82 @@
+"""Blocks as this controller reads them."""
+
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.elvinto.gcode import (
+    ERR_BAD_WORD,
+    ERR_UNKNOWN_CODE,
+    BlockError,
+    read_block,
+    sd_blocks,
+    split_batch,
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "codes", "values"),
+    [
+        ("G1X10Y-5.5F300", ("G1",), {"X": 10.0, "Y": -5.5, "F": 300.0}),
+        ("G01 X.5 Y5. Z+2", ("G1",), {"X": 0.5, "Y": 5.0, "Z": 2.0}),
+        ("g90g1x1 ", ("G90", "G1"), {"X": 1.0}),
+        ("G81.99X1", ("G81.99",), {"X": 1.0}),
+        ("M06T3", ("M6",), {"T": 3.0}),
+        ("W95", ("W95",), {}),
+        ("G0 G28", ("G0", "G28"), {}),
+    ],
+)
+def test_reads(text: str, codes: tuple[str, ...], values: dict[str, float]) -> None:
+    words = read_block(text)
+    assert words.codes == codes
+    assert words.values == values
+
+
+@pytest.mark.parametrize("code", ["G4P1", "G20", "G43", "G53", "G98", "M0", "M2", "M9", "W1", "G1.5", "G28.1"])
+def test_codes_that_do_not_exist_here(code: str) -> None:
+    with pytest.raises(BlockError) as caught:
+        read_block(code)
+    assert caught.value.num == ERR_UNKNOWN_CODE
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "X",
+        "G1X1X2",
+        "(note)",
+        "G1 X1 ;",
+        "%",
+        "N10G1",
+        "G1X1e5",
+        "G1X--1",
+        "O100",
+        "X9999999999",
+        "X" + "9" * 400,
+        "G0G1X1",
+        "G28G92",
+        "Ж1",
+    ],
+)
+def test_blocks_that_are_none(text: str) -> None:
+    with pytest.raises(BlockError) as caught:
+        read_block(text)
+    assert caught.value.num == ERR_BAD_WORD
+
+
+@given(st.text(max_size=30))
+def test_any_text_raises_nothing_but_a_block_error(text: str) -> None:
+    with suppress(BlockError):
+        read_block(text)
+
+
+def test_nothing_between_two_bars_is_no_block() -> None:
+    assert split_batch("G1X1|| G1X2 |") == ["G1X1", "G1X2"]
+    assert split_batch("") == []
+
+
+def test_a_file_on_the_card() -> None:
+    content = "%\nO100 (name)\nN10 G1 X1 (there)\r\n; note\nG1X2;end\nM30\n%\n".encode("cp1251")
+    assert list(sd_blocks(content, "cp1251")) == ["G1 X1", "G1X2", "M30"]

@@ -1,0 +1,68 @@
+"""`sim:?...` as settings."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from sim.elvinto.settings import SimSettings
+from sim.faults import FaultRates
+from sim.options import EXECUTED_LIMIT, KEYS, options_from_query, settings_from_query
+
+
+@pytest.mark.parametrize("query", ["", "sim:", "sim:?", "?"])
+def test_nothing_said_is_the_machine_of_the_documents(query: str) -> None:
+    assert settings_from_query(query) == dataclasses.replace(SimSettings(), executed_limit=EXECUTED_LIMIT)
+
+
+def test_every_kind_of_key() -> None:
+    options = options_from_query(
+        "sim:?speed_factor=20&repeat=reack&instant=true&crc_radix=16&executed_limit=0&travel_x=-5:12.5"
+        "&loss=0.01&noise_bytes=3&seed=7&baud=115200&sd=none"
+    )
+    settings = options.settings
+    assert (settings.speed_factor, settings.repeat, settings.instant, settings.crc_radix) == (20.0, "reack", True, 16)
+    assert settings.executed_limit == 0
+    assert settings.travel["X"] == (-5.0, 12.5)
+    assert settings.travel["Y"] == SimSettings().travel["Y"]
+    assert settings.sd_files is None
+    assert options.faults == FaultRates(loss=0.01, noise_bytes=3)
+    assert (options.seed, options.baud) == (7, 115200)
+
+
+def test_no_faults_said_is_no_faults() -> None:
+    assert options_from_query("seed=1").faults is None
+
+
+def test_a_folder_as_the_card(tmp_path: Path) -> None:
+    (tmp_path / "part.nc").write_bytes(b"G0X1\n")
+    (tmp_path / "folder").mkdir()
+    assert settings_from_query(f"sd={tmp_path}").sd_files == {"part.nc": b"G0X1\n"}
+    with pytest.raises(OSError, match="nowhere"):
+        settings_from_query(f"sd={tmp_path}/nowhere")
+
+
+@pytest.mark.parametrize(
+    ("query", "said"),
+    [
+        ("speed=2", "speed_factor"),
+        ("speed_factor=fast", "speed_factor must be a number"),
+        ("crc_radix=1.5", "without a fraction"),
+        ("repeat=loud", "silent, reack"),
+        ("instant=maybe", "true or false"),
+        ("travel_x=5", "LOW:HIGH"),
+        ("speed_factor=0", "more than 0"),
+        ("loss=2", "chance"),
+        ("nonsense", "bad query field"),
+        ("sd_files=x", "unknown key"),
+    ],
+)
+def test_wrong_queries_say_what_is_allowed(query: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        options_from_query(query)
+
+
+def test_the_keys_are_the_fields() -> None:
+    plain = {field.name for field in dataclasses.fields(SimSettings)} - {"travel", "start_position", "sd_files"}
+    assert plain < KEYS
+    assert {"travel_x", "travel_c", "loss", "seed", "baud", "sd"} < KEYS
