@@ -116,10 +116,8 @@ class Controller(Machine):
         """Raises ProblemError unless somebody may use the machine by hand now."""
         self._check_no_job()
         self.check_takes_commands()
-        # The engine alone is not asked: it is busy for a moment whenever it looks whether the machine is there.
-        busy = self._engine is not None and self._engine.free() < 1
-        if self.state.status == "run" and busy and not self.manual.busy:
-            raise ProblemError("machine_busy", f"{self.name} is running a program of its own.")
+        if self.own_program is not None:
+            raise ProblemError("machine_busy", f"{self.name} is running {self.own_program} from its SD card.")
 
     def check_can_start(self) -> None:
         """Raises ProblemError unless a job may begin now."""
@@ -193,8 +191,13 @@ class Controller(Machine):
         """Run a program from the SD card; answers when it has begun. Raises ProblemError."""
         self.check_by_hand()
         answer = self.manual.put(lambda token: RunFile(token, name))
+        # Before the answer: a short program may have ended when it is read.
+        self.own_program = name
         self.pump()
-        _refused(await answer)
+        event = await answer
+        if isinstance(event, CommandFailed):
+            self.own_program = None
+        _refused(event)
 
     def _put_block(
         self, blocks: tuple[str, ...], *, droppable: bool = False

@@ -161,8 +161,12 @@ class JobStream:
     def heard(self) -> None:
         """The machine gave a sign of life."""
         if self.runner is not None and self._loop.time() - self._alive_at >= ALIVE_EVERY_S:
-            self._alive_at = self._loop.time()
-            self._db.post(journal.alive, self.machine, stamp(self._clock))
+            self.alive()
+
+    def alive(self) -> None:
+        """Make the sign of life durable."""
+        self._alive_at = self._loop.time()
+        self._db.post(journal.alive, self.machine, stamp(self._clock))
 
     # --- effects ----------------------------------------------------------------------------------------------
 

@@ -10,7 +10,17 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from protocol.engine import Engine, OpenWork
-from protocol.events import Event, LinkLost, LinkReady, MachineRestarted, MessageSeen, ProtocolFault, ToolRequested
+from protocol.events import (
+    Event,
+    LinkLost,
+    LinkReady,
+    MachineRestarted,
+    MessageSeen,
+    ProgramEnded,
+    ProtocolFault,
+    StateReported,
+    ToolRequested,
+)
 from protocol.machine import MachineState, reduce
 from server.clock import Clock, stamp
 from server.config import MachineConfig
@@ -73,6 +83,8 @@ class Machine:
         self._link: Link | None = None
         self._port: Port | None = None
         self._engine: Engine | None = None
+        self.own_program: str | None = None
+        """What it runs from its SD card; STATE `run` alone may be the old news of a job that has just ended."""
         self._ready = False
         self._last_life_at = -float("inf")
         self._state_seq = 0
@@ -160,6 +172,7 @@ class Machine:
             return
         link.close()
         self._ready = False
+        self.own_program = None
         self._highest_id = max(self._highest_id, link.engine.next_id)
         self._reduce(LinkLost(reason))
         self.stream.link_down(last_life_at=self._last_life_at)
@@ -218,6 +231,9 @@ class Machine:
                 self._reconnect.proved()
             case MachineRestarted():
                 self._ready = False
+                self.own_program = None
+            case ProgramEnded() | StateReported(status="alarm"):
+                self.own_program = None
             case _:
                 pass
         self._acks.handle(event, self._loop.time())

@@ -134,6 +134,8 @@ class Starter:
         )
         if plan.prologue:
             controller.stream.note("prologue", job=row["id"], line=plan.line, blocks=list(plan.prologue))
+        # A daemon that dies within the first second must not leave a job without a sign of life (elvinto §5.5).
+        controller.stream.alive()
         controller.stream.begin(row, runner, runner.begin())
 
     async def set_status(self, row: Row, status: Status, error: JobError | None = None) -> None:

@@ -87,7 +87,7 @@ def _left(row: Row, runner: Runner) -> float | None:
     whole = row["start_line"] == 1 and row["end_line"] == row["lines"]
     if not whole or row["total_seconds"] is None:
         return None
-    return round(max(0.0, row["total_seconds"] - runner.seconds_done), 1)
+    return round(max(0.0, float(row["total_seconds"]) - runner.seconds_done), 1)
 
 
 def _elapsed(row: Row, clock: Clock) -> float | None:

@@ -157,6 +157,7 @@ def kill(controller: Any) -> None:
     controller._link = None
     controller.stream._engine = None
     controller.stream.runner = None
+    controller.stream._todo.clear()
     controller.stream._arm()
 
 
