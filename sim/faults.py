@@ -165,6 +165,7 @@ class HostileWire:
         """The plug is pulled: what is on its way is lost, and so is everything until `mend`."""
         self._cut = True
         self._held = b""
+        self._late_until = -math.inf
         self._line.clear()
 
     def mend(self) -> None:

@@ -104,6 +104,15 @@ def test_a_cut_wire_carries_nothing_and_loses_what_was_on_its_way() -> None:
     assert wire.receive(13.0) == b"ghi"
 
 
+def test_a_cut_ends_delays_too() -> None:
+    wire = HostileWire(1, FaultRates(delay=1.0, delay_s=1.0))
+    wire.send(b"old", 5000.0)
+    wire.cut()
+    wire.mend()
+    wire.send(b"new", 0.0)
+    assert wire.receive(1.0) == b"new"
+
+
 def replies(*ids: int) -> list[bytes]:
     return [f"CRC16,VALUE<#{wire_id};OK,ID<#{wire_id};".encode() for wire_id in ids]
 

@@ -13,12 +13,15 @@ from sim.elvinto.settings import SimSettings
 from sim.faults import Drop, FaultRates
 from sim.shell import PtyShell, open_memory, recording, run, serve_pty, serve_tcp, split_address
 from tests.harness.elvinto_peer import frame, names, unframe
+from tests.harness.simloop import run_simulated
 
 INSTANT = SimSettings(instant=True)
 FAST = SimSettings(speed_factor=200.0, boot_s=0.01)
 
 
 def play(story: Coroutine[Any, Any, None]) -> None:
+    """On a real loop, for ports and terminals."""
+
     async def bounded() -> None:
         await asyncio.wait_for(story, 20)
 
@@ -66,7 +69,7 @@ def test_memory_answers_after_write_and_not_within() -> None:
         await asyncio.sleep(0)
         assert ear.data == b""
 
-    play(story())
+    run_simulated(story())
 
 
 def test_memory_machine_lives_on_when_nobody_is_there() -> None:
@@ -85,7 +88,7 @@ def test_memory_machine_lives_on_when_nobody_is_there() -> None:
         assert names(await ear.until("STATE")) == ["RECEIVED", "OK", "STATE"]
         second.close()
 
-    play(story())
+    run_simulated(story())
 
 
 def test_memory_with_faults() -> None:
@@ -97,7 +100,7 @@ def test_memory_with_faults() -> None:
         assert names(await ear.until("OK")) == ["OK"]
         link.close()
 
-    play(story())
+    run_simulated(story())
 
 
 def test_memory_hears_what_befalls_the_machine() -> None:
@@ -111,7 +114,7 @@ def test_memory_hears_what_befalls_the_machine() -> None:
         link.close()
         link.turn()
 
-    play(story())
+    run_simulated(story())
 
 
 def test_memory_lets_time_pass() -> None:
@@ -126,7 +129,7 @@ def test_memory_lets_time_pass() -> None:
         assert machine.executed[0].ended_at - machine.executed[0].at == pytest.approx(1.2 / 200)
         link.close()
 
-    play(story())
+    run_simulated(story())
 
 
 # TCP.

@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from sim.elvinto.codec import CheckHeader, MalformedError, Reader, checksum, md5_hex, message, parse, with_header
 from tests.harness.elvinto_peer import unframe
 
-VECTORS: dict[str, Any] = json.loads(Path("tests/vectors/elvinto.json").read_text(encoding="utf-8"))
+VECTORS: dict[str, Any] = json.loads(
+    (Path(__file__).parents[2] / "vectors" / "elvinto.json").read_text(encoding="utf-8")
+)
 
 
 @pytest.mark.parametrize("vector", VECTORS["checksums"], ids=lambda vector: vector["text"][:30])
