@@ -17,6 +17,9 @@ from protocol.errors import MillstreamError
 
 DEFAULT_URL = "http://127.0.0.1:8420"
 
+PIPED_COLUMNS = 400
+"""For tables that go into a pipe: no cell is to be cut for a screen that is not there."""
+
 
 class ExitCode(IntEnum):
     """What scripts go by (api.md)."""
@@ -91,4 +94,7 @@ def warn(text: str) -> None:
 
 def terminal(*, stderr: bool = False) -> Console:
     """rich's console of this moment's standard output; what is written to it is never taken for markup."""
-    return Console(stderr=stderr, markup=False, highlight=False, emoji=False)
+    console = Console(stderr=stderr, markup=False, highlight=False, emoji=False)
+    if not console.is_terminal:
+        console.width = PIPED_COLUMNS
+    return console

@@ -21,6 +21,11 @@ CHUNK_BYTES = 64 * 1024
 TIMEOUT = httpx.Timeout(60.0, connect=5.0)
 """An answer may wait for a check of a large program; a connection on a LAN may not."""
 SHOWN_FINDINGS = 20
+HINTS = {
+    "unauthorized": "Set MILLSTREAM_TOKEN; the daemon's owner makes one with `millstream token create`.",
+    "preflight_warnings": "Here: `millstream submit --force`.",
+}
+"""What a refusal means for somebody at the command line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +147,6 @@ def _explained(problem: Mapping[str, Any]) -> str:
         lines += [f"  line {one['line']}: {safe(one['message'])}" for one in findings[:SHOWN_FINDINGS]]
         if len(findings) > SHOWN_FINDINGS:
             lines.append(f"  and {len(findings) - SHOWN_FINDINGS} more")
-    if problem["code"] == "unauthorized":
-        lines.append("Set MILLSTREAM_TOKEN; the daemon's owner makes one with `millstream token create`.")
+    if problem["code"] in HINTS:
+        lines.append(HINTS[problem["code"]])
     return "\n".join(lines)

@@ -13,6 +13,8 @@ from serial.tools import list_ports
 from server.cli.common import DEFAULT_URL, CliError, Json, Machine, Url, safe, say, say_json, terminal, warn
 from server.cli.daemon import Daemon, machine_path
 
+AXES = "xyzabc"
+
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
@@ -23,7 +25,7 @@ def register(app: typer.Typer) -> None:
 def position_text(state: Mapping[str, Any]) -> str:
     """`X12.500 Y0.000 Z5.000`, of the axes that are known."""
     work = state.get("position", {}).get("work", {})
-    return " ".join(f"{safe(axis).upper()}{value:.3f}" for axis, value in work.items())
+    return " ".join(f"{axis.upper()}{work[axis]:.3f}" for axis in AXES if axis in work)
 
 
 def machines(ctx: typer.Context, url: Url = DEFAULT_URL, as_json: Json = False) -> None:

@@ -7,6 +7,7 @@ Not what is served (`server/app.py`, `server/api/`). The one rule: everything th
 import asyncio
 import contextlib
 import logging
+import os
 import signal
 import socket
 from collections.abc import AsyncIterator, Callable
@@ -16,9 +17,9 @@ from importlib.util import find_spec
 import typer
 import uvicorn
 
-from server.auth import ExposureError, check_exposure, is_loopback
+from server.auth import ExposureError, check_exposure
 from server.cli.common import CliError, ConfigFile, ExitCode, say, warn
-from server.cli.settings import DEFAULT_CONFIG, configuration, database
+from server.cli.settings import DEFAULT_CONFIG, configuration, database, sole_daemon
 from server.config import Config
 from server.tokens import list_tokens
 
@@ -65,7 +66,7 @@ async def _serve(config: Config) -> None:
     async with running(config, bind(config.server.host, config.server.port)) as daemon:
         say(f"millstream: {daemon.url}")
         await daemon.stopped()
-        warn("millstream: stopping")
+        warn("millstream: stopped")
 
 
 def loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
@@ -82,7 +83,7 @@ def bind(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((host.strip("[]"), port), family=family, backlog=BACKLOG)
     except OSError as error:
-        reason = error.strerror or str(error)
+        reason = os.strerror(error.errno) if error.errno else str(error)
         raise CliError(
             ExitCode.FAILED, f"{host}:{port}: {reason}. Is another program there? Set server.host and server.port."
         ) from error
@@ -121,7 +122,7 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
     from server.api import create_app
     from server.app import build
 
-    with contextlib.closing(listener):
+    with contextlib.closing(listener), sole_daemon(config):
         _check_exposure(config)
         workshop = build(config)
         await workshop.start()
@@ -129,17 +130,17 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
             server = _Server(_uvicorn_config(create_app(workshop), config))
             daemon = RunningDaemon(server, asyncio.create_task(server.serve(sockets=[listener])), address(listener))
             _stop_on_signals(daemon)
-            yield daemon
+            try:
+                yield daemon
+            finally:
+                daemon.stop()
+                await daemon.stopped()
         finally:
-            daemon.stop()
-            await daemon.stopped()
             await workshop.stop()
 
 
 def _check_exposure(config: Config) -> None:
-    """Before anything is started: may the daemon listen where it is told to?"""
-    if is_loopback(config.server.host):
-        return
+    """Before anything is started: can the database be used, and may the daemon listen where it is told to?"""
     with database(config) as db:
         usable = [token for token in list_tokens(db) if token.revoked_at is None]
     try:
@@ -169,7 +170,7 @@ def _uvicorn_config(app: object, config: Config) -> uvicorn.Config:
     return uvicorn.Config(
         app,  # type: ignore[arg-type]
         log_config=None,
-        log_level=config.server.log_level,
+        log_level="debug" if config.server.log_level == "debug" else "warning",
         access_log=False,
         lifespan="off",
         http="h11",

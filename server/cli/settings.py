@@ -1,8 +1,10 @@
 """What commands that work on this computer itself (`serve`, `token`) need: the configuration and the database.
 
-Client commands do not come here; they know an address and nothing else.
+Client commands do not come here; they know an address and nothing else. The one rule: one data directory, one daemon;
+two that wrote the same journal could send a batch twice.
 """
 
+import fcntl
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -44,3 +46,24 @@ def database(config: Config) -> Iterator[Database]:
             db.close()
     except (OSError, sqlite3.Error) as error:
         raise CliError(ExitCode.FAILED, f"{path}: the database cannot be used: {safe(error)}") from error
+
+
+@contextmanager
+def sole_daemon(config: Config) -> Iterator[None]:
+    """Keeps other daemons away from the data directory. The lock goes with the process, however that ends.
+
+    Raises CliError when somebody has it.
+    """
+    folder = config.server.data_dir
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / "lock").open("a", encoding="ascii")
+    except OSError as error:
+        raise CliError(ExitCode.FAILED, f"{folder}: cannot be written: {error.strerror}") from error
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            advice = "Stop it, or give this one a server.data_dir of its own."
+            raise CliError(ExitCode.FAILED, f"{folder}: another millstream daemon works here. {advice}") from error
+        yield

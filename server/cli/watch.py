@@ -20,7 +20,7 @@ from websockets.sync.client import ClientConnection, connect
 from server.cli.common import DEFAULT_URL, CliError, ExitCode, Json, Machine, Url, safe, say, say_json, terminal
 from server.cli.daemon import Daemon, unreachable
 from server.cli.machines import position_text
-from server.cli.progress import describe
+from server.cli.progress import ENDED, describe
 
 TOPICS = "state,job,alarm,tool,queue"
 RETRY_S = 1.0
@@ -127,10 +127,8 @@ class Board:
         data = event.get("data") or {}
         machine = event.get("machine")
         match event.get("type"):
-            case "hello" | "resync":
-                for one in (data.get("snapshot") or data).get("machines", ()):
-                    if self._only in (None, one["name"]):
-                        self._states[one["name"]] = one["state"]
+            case "hello":
+                self._snapshot(data)
                 return "\n".join(self.lines()) or None
             case "state" if machine is not None:
                 self._states[machine] = data
@@ -141,6 +139,11 @@ class Board:
             case _:
                 return None
         return self._line(machine)
+
+    def _snapshot(self, data: Event) -> None:
+        self._states = {one["name"]: one["state"] for one in data["machines"] if self._only in (None, one["name"])}
+        # The newest come first; what has ended is of no interest to somebody who begins to watch.
+        self._jobs = {one["machine"]: one for one in reversed(data["jobs"]) if one["status"] not in ENDED}
 
     def lines(self) -> list[str]:
         """One line a machine."""

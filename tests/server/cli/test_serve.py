@@ -1,0 +1,92 @@
+"""serve: what ends the start with a sentence, and a real daemon from its address to SIGTERM."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from server.cli.serve import address, bind
+from server.cli.settings import sole_daemon
+from server.config import Config, ServerConfig
+from tests.server.cli.conftest import Run
+
+MACHINE = '[[machine]]\nname = "mill"\nport = "sim:?speed_factor=20"\n'
+
+
+@pytest.fixture
+def listener() -> Iterator[socket.socket]:
+    with bind("127.0.0.1", 0) as bound:
+        yield bound
+
+
+def test_without_a_machine_it_says_what_to_do(millstream: Run) -> None:
+    outcome = millstream("serve")
+    assert outcome.code == 2
+    assert "config.example.toml" in outcome.err
+    assert "millstream demo" in outcome.err
+
+
+def test_a_faulty_configuration_is_wrong_usage(millstream: Run, tmp_path: Path) -> None:
+    (tmp_path / "millstream.toml").write_text("[server]\nport = 70000\n", encoding="utf-8")
+    outcome = millstream("serve")
+    assert outcome.code == 2
+    assert outcome.err == "millstream.toml: server.port = 70000: allowed is a whole number from 0 to 65535\n"
+
+
+def test_a_missing_configuration_is_wrong_usage(millstream: Run) -> None:
+    assert millstream("serve", "--config", "nowhere.toml").code == 2
+
+
+def test_a_taken_port_is_told(millstream: Run, tmp_path: Path, listener: socket.socket) -> None:
+    port = listener.getsockname()[1]
+    (tmp_path / "millstream.toml").write_text(f'[server]\nport = {port}\ndata_dir = "d"\n{MACHINE}', encoding="utf-8")
+    outcome = millstream("serve")
+    assert outcome.code == 1
+    assert outcome.err.startswith(f"127.0.0.1:{port}: Address already in use. ")
+
+
+def test_without_a_token_it_does_not_listen_on_a_network(millstream: Run, tmp_path: Path) -> None:
+    text = f'[server]\nhost = "0.0.0.0"\nport = 0\ndata_dir = "d"\n{MACHINE}'
+    (tmp_path / "millstream.toml").write_text(text, encoding="utf-8")
+    outcome = millstream("serve")
+    assert outcome.code == 1
+    assert "millstream token create" in outcome.err
+
+
+def test_a_data_directory_has_one_daemon(millstream: Run, tmp_path: Path) -> None:
+    text = f'[server]\nport = 0\ndata_dir = "{tmp_path}/d"\n{MACHINE}'
+    (tmp_path / "millstream.toml").write_text(text, encoding="utf-8")
+    with sole_daemon(Config(server=ServerConfig(data_dir=tmp_path / "d"))):
+        outcome = millstream("serve")
+    assert outcome.code == 1
+    assert "another millstream daemon works here" in outcome.err
+
+
+def test_the_address_is_one_to_click_on(listener: socket.socket) -> None:
+    assert address(listener) == f"http://127.0.0.1:{listener.getsockname()[1]}"
+    with bind("0.0.0.0", 0) as everywhere:
+        assert address(everywhere) == f"http://{socket.gethostname()}:{everywhere.getsockname()[1]}"
+
+
+@pytest.mark.real
+def test_a_daemon_answers_and_ends_with_0_on_sigterm(tmp_path: Path) -> None:
+    (tmp_path / "millstream.toml").write_text(f'[server]\nport = 0\ndata_dir = "d"\n{MACHINE}', encoding="utf-8")
+    environ = {**os.environ, "NO_PROXY": "127.0.0.1", "PYTHONUNBUFFERED": "1"}
+    command = [sys.executable, "-c", "from server.cli import main; main()", "serve"]
+    with subprocess.Popen(command, cwd=tmp_path, env=environ, stdout=subprocess.PIPE, text=True) as daemon:
+        try:
+            assert daemon.stdout is not None
+            url = daemon.stdout.readline().removeprefix("millstream: ").strip()
+            assert httpx.get(f"{url}/healthz").json()["status"] == "ok"
+            assert [one["name"] for one in httpx.get(f"{url}/api/v1/machines").json()] == ["mill"]
+            assert "server" not in httpx.get(f"{url}/healthz").headers
+            daemon.send_signal(signal.SIGTERM)
+            assert daemon.wait(timeout=30) == 0
+        finally:
+            daemon.kill()
