@@ -91,7 +91,7 @@ class BatchPlanner:
 
     `position` is where the machine stands before the first of `lines`, `absolute` its G90/G91 then. With `skip_to`
     the lines before it are not sent, but followed, so that the modal state is that of a machine that has executed
-    them; `relocate` then says where it really stands. Raises PlanError from `next` for a line that cannot be sent.
+    them; `relocate` then says where it really stands.
     """
 
     def __init__(
@@ -122,7 +122,8 @@ class BatchPlanner:
         self._skipped = False
         self._ahead: list[_Item] = []
         self._ended = False
-        self._previous_start: Position = {}
+        self._broken: PlanError | OSError | None = None
+        self._previous_start: Position | None = None
 
     @property
     def position(self) -> Position:
@@ -149,8 +150,18 @@ class BatchPlanner:
             self._compactor.forget()
 
     def next(self) -> PlannedBatch | None:
-        """The next batch; None at the end of the program."""
-        self._fill()
+        """The next batch; None at the end of the program.
+
+        Raises PlanError for a line that cannot be sent and OSError when the program cannot be read; from then on
+        always, so that nothing behind the gap ever goes out.
+        """
+        if self._broken is not None:
+            raise self._broken
+        try:
+            self._fill()
+        except (PlanError, OSError) as error:
+            self._broken = error
+            raise
         if not self._ahead:
             return None
         return self._emit(self._choose())
@@ -261,7 +272,8 @@ class BatchPlanner:
     def _is_told_apart(self, end: Position) -> bool:
         # Two places, each known to within the tolerance, are apart beyond twice of it.
         apart_mm = 2 * self._limits.position_tolerance_mm
-        return all(_differs(end, start, apart_mm) for start in (self._ahead[0].start, self._previous_start))
+        starts = (self._ahead[0].start, self._previous_start)
+        return all(start is None or _differs(end, start, apart_mm) for start in starts)
 
     def _emit(self, count: int) -> PlannedBatch:
         items = self._ahead[:count]

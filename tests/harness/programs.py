@@ -13,6 +13,9 @@ from gcode.profile import Profile, load_profile
 
 CORPUS = Path(__file__).resolve().parents[2].parent / "shared" / "corpus"
 
+FITTING_FILES = ("gsender_mb31.nc", "ugs_gates_combined.nc", "fluidnc_raster_tree.nc", "camotics_compass.ngc")
+"""Files of the corpus that run on an ElVinto machine as they are."""
+
 quick = settings(derandomize=True, deadline=None, max_examples=150)
 thorough = settings(derandomize=True, deadline=None, max_examples=400)
 

@@ -1,0 +1,70 @@
+"""Programs as people have them: every file is read, every word is understood or reported. Skipped without the files."""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from gcode.check import check_program
+from gcode.compact import Compactor
+from gcode.lines import split_lines
+from gcode.modal import Tracker
+from gcode.motion import Motion
+from gcode.words import decode_line, parse_block, parse_carefully
+from tests.harness.programs import FITTING_FILES, corpus_files, elvinto
+
+MAX_LINES = 2_500
+"""Of each file: the shapes repeat, the time of the tests is better spent elsewhere."""
+
+
+def lines_of(name: str, raw: bytes) -> list[bytes]:
+    lines = list(split_lines([raw]))
+    assert lines, name
+    return lines[:MAX_LINES]
+
+
+def every_line() -> Iterator[tuple[str, int, bytes]]:
+    for path in corpus_files():
+        for number, raw in enumerate(lines_of(path.name, path.read_bytes()), 1):
+            yield path.name, number, raw
+
+
+@pytest.mark.slow
+def test_every_word_is_understood_or_reported() -> None:
+    for name, number, raw in every_line():
+        text = decode_line(raw)
+        block = parse_block(text)
+        assert block == parse_carefully(text), (name, number)
+        if block.faults or text.lstrip().startswith(("%", "#", "//")):
+            continue
+        plain = re.sub(r"\([^)]*\)|;.*|[ \t]", "", text).upper().replace(":", "O")
+        assert "".join(word.letter + word.text for word in block.words) == re.sub(r"^/[1-9]?", "", plain), (
+            name,
+            number,
+        )
+
+
+@pytest.mark.slow
+def test_every_file_can_be_checked() -> None:
+    known = elvinto()
+    for path in corpus_files():
+        report = check_program(lines_of(path.name, path.read_bytes()), known)
+        assert report.blocks or report.errors, path.name
+        if path.name in FITTING_FILES:
+            assert not [finding for finding in report.errors if finding.code != "no_end"], path.name
+        # What the table does not have is never passed over.
+        if path.name == "gsender_invalid_gcode.nc":
+            assert {"unknown_word", "bad_number", "unknown_code"} <= {finding.code for finding in report.errors}
+
+
+@pytest.mark.slow
+def test_compaction_keeps_the_motion_of_real_programs() -> None:
+    for path in corpus_files():
+        compactor = Compactor(elvinto())
+        original, shorter = Tracker(elvinto(), Motion(), {}), Tracker(elvinto(), Motion(), {})
+        for raw in lines_of(path.name, path.read_bytes()):
+            block = parse_block(decode_line(raw))
+            step = original.step(block)
+            again = shorter.step(parse_block(compactor.compact(block)))
+            assert (step.kind, step.end, step.arc) == (again.kind, again.end, again.arc), (path.name, raw)
+            assert abs(step.seconds - again.seconds) < 1e-9, (path.name, raw)

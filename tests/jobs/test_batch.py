@@ -1,0 +1,324 @@
+"""Batches: every block once, in order, within all bounds; and ends that can be told apart."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gcode.clean import clean
+from gcode.compact import Compactor
+from gcode.lines import split_lines
+from gcode.modal import Tracker
+from gcode.motion import Motion, Position
+from gcode.words import decode_line, parse_block
+from jobs.batch import BatchLimits, BatchPlanner, PlanError, PlannedBatch
+from protocol.errors import LocalError
+from tests.harness.programs import FITTING_FILES, corpus_files, elvinto, numbered, positions, program_lines, thorough
+
+WIDE = BatchLimits(max_batch_seconds=1e9)
+HERE = {"x": 0.0, "y": 0.0, "z": 5.0}
+
+
+def planner(program: str, limits: BatchLimits = WIDE, **options: object) -> BatchPlanner:
+    return BatchPlanner(numbered(program.replace("|", "\n")), elvinto(), Motion(), limits, **options)  # type: ignore[arg-type]
+
+
+def drain(source: BatchPlanner) -> list[PlannedBatch]:
+    batches = []
+    while batch := source.next():
+        batches.append(batch)
+    return batches
+
+
+def plan(program: str, limits: BatchLimits = WIDE, **options: object) -> list[PlannedBatch]:
+    return drain(planner(program, limits, **options))
+
+
+def blocks(batches: list[PlannedBatch]) -> list[str]:
+    return ["|".join(batch.blocks) for batch in batches]
+
+
+def test_a_program_in_batches() -> None:
+    batches = plan("%|O1 (part)|G21 G90|T1 M6|M3 S100|G0 X0 Y0|G1 Z-1 F300|X10 F300||M5|M30", position=HERE)
+    assert blocks(batches) == ["G21G90", "T1M6", "M3S100|G0X0Y0|G1Z-1F300", "X10|M5", "M30"]
+    assert [(batch.first_line, batch.last_line) for batch in batches] == [(3, 3), (4, 4), (5, 7), (8, 10), (11, 11)]
+    assert [batch.barrier for batch in batches] == [False, True, False, False, True]
+    assert [batch.ends_program for batch in batches] == [False, False, False, False, True]
+    assert [batch.motion for batch in batches] == [False, True, True, True, False]
+    assert batches[2].start == {"x": 0, "y": 0}
+    assert batches[3].end == {"x": 10, "y": 0, "z": -1}
+    assert batches[3].seconds == 2
+
+
+@pytest.mark.parametrize(
+    "barrier",
+    [
+        "M30",
+        "M99",
+        "M6",
+        "T5",
+        "M0",
+        "M1",
+        "M2",
+        "G27",
+        "G28",
+        "G29",
+        "G92 X1",
+        "W90",
+        "M200",
+        "M210",
+        "G28 X1 (c)",
+        "G55",
+    ],
+)
+def test_barriers_travel_alone(barrier: str) -> None:
+    batches = plan(f"G90 G0 X1|{barrier}|X2", position=HERE)
+    assert [len(batch.blocks) for batch in batches] == [1, 1, 1]
+    assert [batch.barrier for batch in batches] == [False, True, False]
+    located = barrier.split(maxsplit=1)[0] in ("M6", "G27", "G28", "G29", "G92", "M200", "M210", "G55")
+    assert batches[1].locate_after == located
+    assert batches[1].ends_program == (barrier in ("M30", "M99", "M2"))
+
+
+@pytest.mark.parametrize(("program", "tool"), [("T7 M6", 7), ("T3|M6", 3), ("M6", None), ("T3|T4", None)])
+def test_tool_changes_say_which_tool(program: str, tool: int | None) -> None:
+    last = plan(program)[-1]
+    assert last.tool_change == ("M6" in program)
+    assert last.tool == tool
+
+
+def test_bounds() -> None:
+    moves = "|".join(f"G1X{number}F6000" for number in range(100))
+    by_blocks = plan(moves, BatchLimits(512, 10, 1e9), compact=False, position=HERE)
+    assert {len(batch.blocks) for batch in by_blocks} == {10}
+    by_bytes = plan(moves, BatchLimits(50, 1000, 1e9), compact=False, position=HERE)
+    assert all(len("|".join(batch.blocks)) <= 50 for batch in by_bytes)
+    assert len("|".join(by_bytes[3].blocks)) > 50 - len("|G1X99F6000")
+    by_seconds = plan(moves, BatchLimits(5000, 1000, 0.105), position=HERE)
+    assert {len(batch.blocks) for batch in by_seconds[1:-1]} <= {5}
+    assert all(batch.seconds <= 0.105 for batch in by_seconds)
+
+
+def test_a_long_move_travels_alone_with_what_prepares_it() -> None:
+    batches = plan("G90|G1 X1 F60000|M3 S100|F60|X100|X101|M5", BatchLimits(max_batch_seconds=1.0), position=HERE)
+    assert blocks(batches) == ["G90|G1X1F60000", "M3S100|F60|X100", "X101|M5"]
+    assert [batch.seconds > 1 for batch in batches] == [False, True, False]
+
+
+def test_a_move_of_unknown_length_travels_alone() -> None:
+    batches = plan("G90 G0 X1|G0 Z5|X2 Y2|X3", position={"x": 0.0, "y": 0.0})
+    assert blocks(batches) == ["G90G0X1", "Z5", "X2Y2|X3"]
+
+
+def test_a_line_that_cannot_be_sent_is_named() -> None:
+    with pytest.raises(PlanError, match=r"line 2: .* 21 bytes") as error:
+        plan("G1 X1|G1 X1.234567890123 Y2.345|M30", BatchLimits(max_batch_bytes=20))
+    assert error.value.line == 2
+    with pytest.raises(PlanError, match="line 3: column 5"):
+        plan("G1 X1||G1 X[1]")
+
+
+def test_nothing_behind_a_gap_is_planned() -> None:
+    source = planner("G0 X1|G0 X[2]|G0 X3")
+    for _ in range(3):
+        with pytest.raises(PlanError, match="line 2"):
+            source.next()
+
+    def torn() -> Iterator[tuple[int, bytes]]:
+        yield 1, b"G0 X1"
+        raise OSError("the disk is gone")
+
+    source = BatchPlanner(torn(), elvinto(), Motion(), WIDE)
+    for _ in range(3):
+        with pytest.raises(OSError, match="gone"):
+            source.next()
+
+
+def test_block_delete_and_inches() -> None:
+    assert blocks(plan("G0 X1|/G0 X2|G0 X3", compact=False)) == ["G0X1", "G0X2|G0X3"]
+    assert blocks(plan("G0 X1|/G0 X[2]|G0 X3", compact=False, block_delete=True)) == ["G0X1", "G0X3"]
+    (batch,) = plan("G20 G0 X1", convert_inches=True, position=HERE)
+    assert batch.blocks == ("G21G0X25.4",)
+    assert batch.end["x"] == 25.4
+
+
+# --- ends that can be told apart after a crash (elvinto §5.4) ----------------------------------------------------
+
+
+def test_a_batch_does_not_end_where_it_began() -> None:
+    (first, second, third) = plan("G0 X10|Y10|X0|Y0", position=HERE)
+    assert blocks([first, second, third]) == ["G0X10|Y10", "X0", "Y0"]
+    ends = [first.start, first.end, second.end, third.end]
+    assert all(one != two for one, two in pairwise(ends))
+    assert all(one != two for one, two in zip(ends, ends[2:], strict=False))
+
+
+def test_nor_where_the_one_before_began() -> None:
+    batches = plan("G0 X10|X20|X10|X0|X5|X7", BatchLimits(max_batch_blocks=2, max_batch_seconds=1e9), position=HERE)
+    starts = [batch.start for batch in batches]
+    for before, start, batch in zip([{}, *starts], starts, batches, strict=False):
+        assert batch.end != start
+        assert batch.end != before
+
+
+def test_a_circle_that_cannot_be_divided_is_sent_all_the_same() -> None:
+    assert blocks(plan("G90|G2 X0 Y0 I5 F100", position=HERE)) == ["G90|G2X0Y0I5F100"]
+
+
+def test_still_blocks_do_not_end_a_batch() -> None:
+    batches = plan(
+        "G0 X1|X2|M3 S1|F100|G1 X3|X4", BatchLimits(max_batch_blocks=4, max_batch_seconds=1e9), position=HERE
+    )
+    assert blocks(batches) == ["G0X1|X2", "M3S1|F100|G1X3|X4"]
+
+
+# --- positions --------------------------------------------------------------------------------------------------
+
+
+def test_relocate_after_a_barrier() -> None:
+    source = planner("G90 G0 X1 F9|G28|G1 X1 F9|M30", position=HERE)
+    assert source.next() is not None
+    home = source.next()
+    assert home is not None
+    assert home.end == {"x": 0, "y": 0}
+    source.relocate({"x": 0.0, "y": 0.0, "z": 80.0})
+    after = source.next()
+    assert after is not None
+    assert after.start == {"x": 0, "y": 0, "z": 80}
+    assert after.blocks == ("G1X1F9",)
+
+
+def test_relocate_in_the_middle_is_refused() -> None:
+    source = planner("G0 X1|X2|X3", BatchLimits(max_batch_blocks=1), position=HERE)
+    source.next()
+    with pytest.raises(LocalError):
+        source.relocate({"x": 9.0})
+
+
+def test_the_end_of_a_program_is_the_end() -> None:
+    source = planner("(nothing)|%")
+    assert source.next() is None
+    assert source.next() is None
+
+
+def test_compaction_after_a_skip_begins_from_nothing() -> None:
+    program = "G90 G1 X1 Y1 F100|G1 X2 Y1 F100|G1 X3 Y1 F100"
+    assert blocks(plan(program, position=HERE)) == ["G90G1X1Y1F100|X2|X3"]
+    assert blocks(plan(program, position=HERE, skip_to=2)) == ["G1X2Y1F100|X3Y1"]
+
+
+def test_lines_need_not_begin_at_one() -> None:
+    lines = [(40, b"G91"), (41, b"G0 X1"), (42, b"X2"), (43, b"X3")]
+    source = BatchPlanner(lines, elvinto(), Motion(), WIDE, skip_to=42)
+    source.relocate(HERE)
+    (batch,) = drain(source)
+    assert (batch.first_line, batch.last_line, batch.end["x"]) == (42, 43, 5)
+
+
+# --- properties -------------------------------------------------------------------------------------------------
+
+programs = st.lists(program_lines, max_size=30)
+limits = st.builds(
+    BatchLimits,
+    max_batch_bytes=st.integers(40, 120),
+    max_batch_blocks=st.integers(1, 8),
+    max_batch_seconds=st.sampled_from((0.05, 1.0, 30.0)),
+)
+
+
+@given(programs, limits, positions, st.booleans())
+@thorough
+def test_every_block_once_in_order_within_all_bounds(
+    lines: list[str], bounds: BatchLimits, position: Position, compact: bool
+) -> None:
+    batches = plan("\n".join(lines), bounds, position=position, compact=compact)
+    sent = [block for batch in batches for block in batch.blocks]
+    read = [(line, parse_block(text)) for line, text in enumerate(lines, 1) if clean(parse_block(text))]
+    if not compact:
+        assert sent == [clean(block) for _, block in read]
+    assert len(sent) == len(read)
+    tracker = Tracker(elvinto(), Motion(), position)
+    at = 0
+    for batch in batches:
+        here = read[at : at + len(batch.blocks)]
+        at += len(batch.blocks)
+        assert (batch.first_line, batch.last_line) == (here[0][0], here[-1][0])
+        assert batch.start == tracker.position
+        steps = [tracker.step(block) for _, block in here]
+        assert batch.end == tracker.position
+        assert batch.seconds == pytest.approx(sum(step.seconds for step in steps))
+        assert batch.motion == any(step.moves for step in steps)
+        assert len("|".join(batch.blocks)) <= bounds.max_batch_bytes
+        assert len(batch.blocks) <= bounds.max_batch_blocks
+        timed = [step for step in steps if step.seconds > 0 or not step.exact]
+        assert len(timed) == 1 or (batch.seconds <= bounds.max_batch_seconds and all(step.exact for step in timed))
+        assert not batch.barrier or len(batch.blocks) == 1
+        barrier_letters = {word.letter for _, block in here for word in block.words} & set("TW")
+        assert batch.barrier or not barrier_letters
+
+
+@given(programs, positions)
+@thorough
+def test_what_is_sent_is_the_same_motion(lines: list[str], position: Position) -> None:
+    """Through all batches, with relocation to where the machine is: the machine ends where the program leads."""
+    machine = Tracker(elvinto(), Motion(), position)
+    program = Tracker(elvinto(), Motion(), position)
+    source = planner("\n".join(lines), BatchLimits(max_batch_blocks=5), position=position)
+    while batch := source.next():
+        for block in batch.blocks:
+            machine.step(parse_block(block))
+        assert machine.position == batch.end
+    for line in lines:
+        program.step(parse_block(line))
+    assert (machine.position, machine.modal) == (program.position, program.modal)
+
+
+@given(programs, st.integers(1, 32), positions)
+@thorough
+def test_skipping_follows_the_program_as_sending_does(lines: list[str], skip_to: int, position: Position) -> None:
+    text = "\n".join(lines)
+    whole = plan(text, position=position, compact=False)
+    source = planner(text, position=position, compact=False, skip_to=skip_to)
+    before = Tracker(elvinto(), Motion(), position)
+    for line in lines[: skip_to - 1]:
+        before.step(parse_block(line))
+    assert (source.position, source.modal) == (before.position, before.modal)
+    rest = drain(source)
+    sent = [block for batch in whole for block in batch.blocks]
+    sent_after = [block for batch in rest for block in batch.blocks]
+    assert sent_after == sent[len(sent) - len(sent_after) :]
+    assert not rest or rest[0].first_line >= skip_to
+    assert not rest or rest[-1].end == whole[-1].end
+
+
+@given(programs)
+@thorough
+def test_a_skip_sends_what_a_machine_in_that_state_needs(lines: list[str]) -> None:
+    """After a skip nothing is left out that the machine has not been told since."""
+    for skip_to in range(1, len(lines) + 1, 5):
+        source = planner("\n".join(lines), skip_to=skip_to)
+        fresh = Compactor(elvinto())
+        for batch in drain(source):
+            for text in batch.blocks:
+                assert fresh.compact(parse_block(text)) == text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FITTING_FILES)
+def test_a_fitting_program_is_planned_whole(name: str) -> None:
+    (path,) = [path for path in corpus_files() if path.name == name]
+    lines = list(split_lines([path.read_bytes()]))[:4_000]
+    blocks = sum(bool(parse_block(decode_line(raw)).words) for raw in lines)
+    bounds = BatchLimits()
+    source = BatchPlanner(enumerate(lines, 1), elvinto(), Motion(), bounds, position={})
+    planned = 0
+    previous = 0
+    while batch := source.next():
+        planned += len(batch.blocks)
+        assert batch.first_line > previous
+        previous = batch.last_line
+        assert len("|".join(batch.blocks)) <= bounds.max_batch_bytes
+        assert len(batch.blocks) <= bounds.max_batch_blocks
+    assert planned == blocks
