@@ -76,6 +76,7 @@ class ElvintoEngine(Settling):
             if self._phase is Phase.CLOSED:
                 return
             if isinstance(item, ProtocolFault):
+                self._noise_at = now
                 self._emit(item)
                 if self._listing is not None:
                     self._listing.damaged = True
@@ -105,6 +106,8 @@ class ElvintoEngine(Settling):
         self._deadline = None
         if self._emergency is not None:
             self._press_emergency(now)
+        elif self._turn is not None and self._turn.located:
+            self._locate(self._turn, now)
         else:
             self._timers[self._phase](now)
 
@@ -162,7 +165,7 @@ class ElvintoEngine(Settling):
         self._enter_idle()
         self._ids.doubt()
         self._emergency_tokens.append(command.token)
-        self._emergency = self._emergency or Turn(STEPS[Phase.ASK])
+        self._emergency = self._emergency or Turn(STEPS[Phase.ASK], now)
         self._press_emergency(now)
 
     def _press_emergency(self, now: float) -> None:
@@ -200,8 +203,7 @@ class ElvintoEngine(Settling):
         elif self._flight is not None and id == self._flight.id and self._case is not None:
             self._case.accepted = True
         elif self._turn is not None and id in self._turn.ids:
-            self._turn.acked = self._turn.acked or id == self._turn.ids[-1]
-            self._finish_turn(now)
+            self._turn.received = self._turn.received or id == self._turn.ids[-1]
         else:
             self._stray_acknowledgement(id)
 
@@ -218,6 +220,9 @@ class ElvintoEngine(Settling):
                 self._settled(now)
         elif self._turn is not None and self._turn.step.awaits == "ack" and id in self._turn.ids:
             self._enter_next(now)
+        elif self._turn is not None and id == self._turn.ids[-1]:
+            self._turn.received = self._turn.ended = True
+            self._answered(now)
         else:
             self._on_received(message, now)
 
@@ -242,7 +247,7 @@ class ElvintoEngine(Settling):
 
     def _stray_acknowledgement(self, id: int) -> None:
         """Of an ID that is not in flight: counted and ignored (elvinto §5.2), but for what it says of the memory."""
-        if id <= LAST_PROBE_ID:
+        if id <= LAST_PROBE_ID or id == self._ids.memory:
             return
         self._emit(ProtocolFault("unknown_id", f"an acknowledgement of ID {id}, which is not in flight"))
         if not self._ids.given(id):
@@ -259,7 +264,7 @@ class ElvintoEngine(Settling):
                 self._on_alarm(report, now)
             case "run":
                 if self._flight is not None:
-                    self._flight.idle_reports = 0
+                    self._flight_runs(now)
                 if self._case is not None:
                     self._machine_runs(now)
             case _:
@@ -276,13 +281,15 @@ class ElvintoEngine(Settling):
             self._file_idle(now)
         elif self._turn is not None:
             self._turn.state = report
-            self._finish_turn(now)
+            self._answered(now)
 
-    def _finish_turn(self, now: float) -> None:
-        """A question for the position is answered when it was acknowledged *and* a STATE came."""
-        turn = self._turn
-        if turn is None or turn.step.awaits != "position" or not turn.acked or turn.state is None:
-            return
+    def _answered(self, now: float) -> None:
+        """The question for the position has ended and is answered (a lost OK of it is waited for until the timer)."""
+        if self._turn is not None and self._turn.located and self._turn.ended:
+            self._locate(self._turn, now)
+
+    def _locate(self, turn: Turn, now: float) -> None:
+        assert turn.state is not None
         self._ids.prove(turn.ids[-1])
         self._greetings = 0  # the machine answers in order: every READY asked for has come or is lost
         if self._case is not None:
@@ -296,7 +303,10 @@ class ElvintoEngine(Settling):
         self._go_idle(now)
 
     def _on_alarm(self, report: StateReported, now: float) -> None:
-        """An alarm ends what is in flight; nothing is sent until it is cleared (elvinto §5.8)."""
+        """An alarm ends what is under way; nothing is sent until it is cleared (elvinto §5.8).
+
+        In the handshake too: a machine in alarm may answer nothing else. Clearing it begins the handshake anew.
+        """
         assert report.alarm is not None
         if self._emergency is not None:
             self._emergency_heard(now, reported=True)
@@ -304,8 +314,6 @@ class ElvintoEngine(Settling):
         self._alarmed = True
         if self._flight is not None and self._flight.kind == "alarm":
             return  # it may have been under way before the alarm was cleared
-        if self._phase in (Phase.INIT, Phase.GREET, Phase.REPORT):
-            return  # the handshake goes on; its last question shows whether the alarm persists
         self._break_off("alarm", report.alarm.code, f"alarm: {report.alarm.message}")
         self._ids.doubt()
         self._go_idle(now)

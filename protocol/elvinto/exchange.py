@@ -19,6 +19,8 @@ from protocol.events import BatchDone, CommandFailed, Event, LinkLost, LinkReady
 
 SLOWEST_ASK_S = 2.0
 """Queries under fresh IDs are spaced out up to this, so that answers slower than the interval find their question."""
+MOST_ROUNDS = 5
+"""Rounds of tries while something is heard, however garbled: noise is no silence."""
 
 
 class Exchange:
@@ -32,6 +34,7 @@ class Exchange:
         self._phase = Phase.IDLE
         self._deadline: float | None = None
         self._heard_at = -math.inf
+        self._noise_at = -math.inf  # something came that was no valid message
         self._standing: Position = {}  # where the machine stands while nothing runs, as far as known
         self._turn: Turn | None = None
         self._flight: Flight | None = None
@@ -56,10 +59,10 @@ class Exchange:
         self._emit(MessageSeen(">", printable(message)))
         return wire_s
 
-    def _enter(self, phase: Phase, now: float) -> None:
+    def _enter(self, phase: Phase, now: float, *, rounds: int = 1) -> None:
         """Begin the exchange of a phase that stands in STEPS."""
         self._phase = phase
-        self._turn = Turn(STEPS[phase])
+        self._turn = Turn(STEPS[phase], now, rounds)
         self._try(now)
         if phase is Phase.INIT and not self._dialect.init_acknowledged:
             self._enter(Phase.GREET, now)
@@ -76,17 +79,12 @@ class Exchange:
         """Send the phase's message once (more)."""
         assert self._turn is not None
         turn, step = self._turn, self._turn.step
-        if step.ids == "probe":
-            id = self._ids.probe()
-        elif step.ids == "fresh" or not turn.ids:
-            id = self._ids.take(len(turn.ids))
-        else:
-            id = turn.ids[0]
+        id = self._ids.probe() if step.ids == "probe" else self._ids.take(len(turn.ids))
         if step.awaits == "ready":
             self._greetings += 1
         turn.ids.append(id)
         if step.ids == "fresh":  # the answer to this try counts, not to one before it
-            turn.acked, turn.state = False, None
+            turn.received, turn.ended, turn.state = False, False, None
         wait_s = self._dialect.retry_interval_s
         if step.ids == "fresh":
             wait_s = max(wait_s, min(wait_s * (1 + len(turn.ids)) / 2, SLOWEST_ASK_S))
@@ -96,17 +94,26 @@ class Exchange:
         """No answer in time: once more, or what the table says of silence."""
         assert self._turn is not None
         step = self._turn.step
-        if step.awaits == "ack" and self._turn.acked:
+        if step.awaits == "ack" and self._turn.received:
             self._enter_next(now)  # RECEIVED came, OK was lost
         elif len(self._turn.ids) < (self._dialect.max_retries if step.tries is None else step.tries):
             self._try(now)
-        elif step.on_silence is Phase.CLOSED:
+        else:
+            self._tries_are_over(now)
+
+    def _tries_are_over(self, now: float) -> None:
+        """What the table says of silence, if silence it was."""
+        turn = self._turn
+        assert turn is not None
+        if max(self._heard_at, self._noise_at) > turn.began_at and turn.rounds < MOST_ROUNDS:
+            self._enter(self._phase, now, rounds=turn.rounds + 1)
+        elif turn.step.on_silence is Phase.CLOSED:
             self._close("the machine does not answer")
-        elif step.on_silence is Phase.IDLE:
+        elif turn.step.on_silence is Phase.IDLE:
             self._fail_query("the machine did not answer; try again")
             self._go_idle(now)
         else:
-            self._enter(step.on_silence, now)
+            self._enter(turn.step.on_silence, now)
 
     def _enter_idle(self) -> None:
         self._phase, self._turn, self._deadline = Phase.IDLE, None, None

@@ -8,7 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from typing import Literal
 
-from protocol.commands import SendBatch
+from protocol.commands import Position, SendBatch
 from protocol.elvinto.codec import encode_gcode
 from protocol.elvinto.exchange import Exchange
 from protocol.elvinto.phases import STEPS, Flight, Phase
@@ -27,6 +27,12 @@ from protocol.events import (
 
 IDLE_REPORTS_OF_AN_END = 2
 """STATE `idle` on so many consecutive reports after RECEIVED means that the command has ended (elvinto §5.3)."""
+
+
+BLIND_REPEATS = 3
+"""Repetitions of something that moves, once anything was heard since it was sent. The header's ID is under no checksum:
+a digit that flips upwards makes a silent machine execute the repetition of what it has executed already. Further
+repetitions are left to `settling.py`, which asks where the machine stands instead: that may be repeated at will."""
 
 
 class Flights(Exchange, ABC):
@@ -79,20 +85,31 @@ class Flights(Exchange, ABC):
         would take the repetition for a new command and execute it somewhere else."""
         flight = self._flight
         assert flight is not None
-        if not flight.probed:
+        if flight.seen_running:
+            self._on_flight_quiet(now)
+        elif not flight.probed:
             flight.probed = True
             wire_s = self._send(STEPS[Phase.PROBE].message, self._ids.probe())
             self._deadline = now + wire_s + self._dialect.retry_interval_s / 2
-        elif flight.attempts <= self._dialect.max_retries:
+        elif self._may_repeat(flight):
             self._send_flight(now)
         else:
             self._give_up_flight(flight, now)
 
+    def _may_repeat(self, flight: Flight) -> bool:
+        limit = self._dialect.max_retries
+        if not flight.repeatable and not self._silent_since(flight.sent_at):
+            limit = min(limit, BLIND_REPEATS)
+        return flight.attempts <= limit
+
+    def _silent_since(self, instant: float) -> bool:
+        return max(self._heard_at, self._noise_at) <= instant
+
     def _give_up_flight(self, flight: Flight, now: float) -> None:
-        """`max_retries` repetitions without RECEIVED (elvinto §5.4)."""
+        """Repetitions without RECEIVED (elvinto §5.4): the link is lost, or the fate of the command is."""
         if self._case is not None:
             self._ask(now)
-        elif self._heard_at <= flight.sent_at:
+        elif self._silent_since(flight.sent_at):
             self._close("the machine does not answer")
         elif flight.kind == "gcode":
             self._open_case(Case((flight.batch,), flight.start, math.inf), now)
@@ -131,23 +148,22 @@ class Flights(Exchange, ABC):
         """RECEIVED came, OK did not: after `probe_after` of silence its end is asked for (elvinto §5.3)."""
         flight = self._flight
         assert flight is not None
-        assert flight.received_at is not None
-        due = max(flight.received_at + flight.batch.expected_s, self._heard_at) + self._dialect.probe_after_s
+        began_at = flight.sent_at if flight.received_at is None else flight.received_at
+        due = max(began_at + flight.batch.expected_s, self._heard_at) + self._dialect.probe_after_s
         if now < due:
             self._deadline = due
         elif self._case is not None:
             self._ask(now)
         else:
-            self._open_case(Case((flight.batch,), flight.start, math.inf, accepted=True), now)
+            accepted = flight.received_at is not None
+            self._open_case(Case((flight.batch,), flight.start, math.inf, accepted), now)
 
     def _flight_idle(self, report: StateReported, now: float) -> None:
         """STATE `idle` while a command is in flight."""
         flight = self._flight
         assert flight is not None
         if self._phase is Phase.SENT:
-            if flight.probed and flight.kind == "gcode" and not flight.repeatable and self._case is None:
-                # The answer to the restart probe, or the last report of a motion whose RECEIVED was lost.
-                self._open_case(Case((flight.batch,), flight.start, math.inf), now)
+            self._idle_without_received(flight, report, now)
             return
         flight.idle_reports += 1
         if flight.idle_reports < IDLE_REPORTS_OF_AN_END:
@@ -156,6 +172,30 @@ class Flights(Exchange, ABC):
             self._flight_done(now, inferred=True)
         elif self._case is None:
             self._open_case(Case((flight.batch,), flight.start, math.inf, accepted=True), now)
+
+    def _idle_without_received(self, flight: Flight, report: StateReported, now: float) -> None:
+        """The last report of a motion whose RECEIVED was lost, the answer to a restart probe, or nothing new."""
+        if flight.kind != "gcode" or flight.repeatable or self._case is not None:
+            return
+        if flight.probed or flight.seen_running:
+            self._open_case(Case((flight.batch,), flight.start, math.inf), now)
+        elif self._stands_only(flight.batch.end, flight.start, report):
+            flight.attempts += 1  # the memory is not proven: RECEIVED never came
+            self._flight_done(now, inferred=True)
+
+    def _stands_only(self, place: Position, other: Position, report: StateReported) -> bool:
+        """The machine reports to stand at `place`, and that is not `other`."""
+        tolerance_mm = self._dialect.position_tolerance_mm
+        return possible(place, report.position, tolerance_mm) and not possible(other, report.position, tolerance_mm)
+
+    def _flight_runs(self, now: float) -> None:
+        """STATE `run` while a command is in flight: without RECEIVED it is no use to repeat it."""
+        flight = self._flight
+        assert flight is not None
+        flight.idle_reports = 0
+        if self._phase is Phase.SENT and self._case is None and flight.kind == "gcode":
+            flight.seen_running = True
+            self._deadline = now + self._dialect.probe_after_s
 
     def _flight_done(self, now: float, *, inferred: bool = False) -> None:
         """The command in flight is executed. OK without RECEIVED counts as both (elvinto §5.2)."""

@@ -27,6 +27,11 @@ class Ids:
         return self._next
 
     @property
+    def memory(self) -> int | None:
+        """The ID that the machine remembers, where that is proven."""
+        return self._memory
+
+    @property
     def proven(self) -> bool:
         return self._memory == self._next - 1
 

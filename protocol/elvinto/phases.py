@@ -36,14 +36,14 @@ class Phase(Enum):
 class Step:
     """One exchange.
 
-    `ids`: `kept` repeats the same bytes under the same ID (elvinto §5); `fresh` takes a new ID for each try, for
-    queries whose repetition is harmless and whose answer may have been lost; `probe` counts up from 1 among the IDs
-    that only a machine without memory accepts.
+    `ids`: `fresh` takes a new ID for each try, since the repetition does no harm and a machine that has executed the
+    try before would not answer to its ID again; `probe` counts up from 1 among the IDs that only a machine without
+    memory accepts. (Commands that must not run twice are no Step: `flights.py` repeats their bytes under their ID.)
     `tries` None: the dialect's `max_retries`; 0: the phase has its own end.
     """
 
     message: bytes
-    ids: Literal["kept", "fresh", "probe"]
+    ids: Literal["fresh", "probe"]
     awaits: Literal["ack", "ready", "position", "answer"]
     then: Phase
     on_silence: Phase
@@ -53,9 +53,9 @@ class Step:
 QUERY_POSITION = encode_gcode(("W95",))
 
 STEPS: dict[Phase, Step] = {
-    Phase.INIT: Step(encode_message("INIT"), "kept", "ack", Phase.GREET, Phase.CLOSED),
+    Phase.INIT: Step(encode_message("INIT"), "fresh", "ack", Phase.GREET, Phase.CLOSED),
     Phase.GREET: Step(encode_message("READY"), "fresh", "ready", Phase.REPORT, Phase.CLOSED),
-    Phase.REPORT: Step(encode_gcode(("W90",)), "kept", "ack", Phase.LOCATE, Phase.CHECK),
+    Phase.REPORT: Step(encode_gcode(("W90",)), "fresh", "ack", Phase.LOCATE, Phase.CHECK),
     Phase.LOCATE: Step(QUERY_POSITION, "fresh", "position", Phase.IDLE, Phase.CHECK),
     Phase.SYNC: Step(QUERY_POSITION, "fresh", "position", Phase.IDLE, Phase.CHECK),
     Phase.PROBE: Step(QUERY_POSITION, "probe", "answer", Phase.ASK, Phase.ASK, tries=0),
@@ -88,12 +88,20 @@ OUTCOMES: tuple[tuple[Phase, str, Phase], ...] = (
 
 @dataclass(slots=True)
 class Turn:
-    """The exchange of a phase: the tries so far and what came back."""
+    """The exchange of a phase: the tries so far and what came back to the last of them."""
 
     step: Step
+    began_at: float = 0.0
+    rounds: int = 1
     ids: list[int] = field(default_factory=list)
-    acked: bool = False
+    received: bool = False
+    ended: bool = False
     state: StateReported | None = None
+
+    @property
+    def located(self) -> bool:
+        """W95 was executed: acknowledged *and* answered. (One that is only acknowledged again is not executed.)"""
+        return self.step.awaits == "position" and self.received and self.state is not None
 
 
 @dataclass(slots=True)
@@ -109,6 +117,7 @@ class Flight:
     sent_at: float = 0.0
     received_at: float | None = None
     probed: bool = False
+    seen_running: bool = False  # STATE `run` without RECEIVED: something executes, and nothing else is under way
     idle_reports: int = 0
 
     @property

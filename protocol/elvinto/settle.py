@@ -4,6 +4,7 @@ The one rule: a verdict is given only where the evidence admits a single reading
 """
 
 from dataclasses import dataclass, field
+from itertools import combinations
 
 from protocol.commands import Position, SendBatch
 
@@ -85,19 +86,30 @@ class Case:
             if batch.id == id:
                 break
 
-    @property
-    def next_to_repeat(self) -> SendBatch | None:
-        """The batch to send once more, or None where repeating could do harm.
+    def next_to_repeat(self, tolerance_mm: float) -> SendBatch | None:
+        """The batch to send once more (elvinto §5.4.2), or None where the position alone will tell.
 
-        The end of a program makes the machine forget its IDs (§5.6): were it executed, a batch before it would be
-        executed a second time. Alone it may be repeated: run twice, it does no harm.
+        The standard repeats first and asks then. A repetition of something that moves is the one message that a
+        flipped digit of its ID can turn into a second execution, so it is left to the case that the places where the
+        batches end cannot be told apart. The end of a program makes the machine forget its IDs (§5.6): were it
+        executed, a batch before it would be executed a second time; alone it may be repeated, run twice it does no
+        harm.
         """
         remaining = self.remaining
         if not remaining or self.accepted:
             return None
-        if len(remaining) > 1 and any(batch.ends_program for batch in remaining):
-            return None
-        return remaining[0]
+        if any(batch.ends_program for batch in remaining):
+            return remaining[0] if len(remaining) == 1 else None
+        places = self._places
+        tellable = not any(possible(a, b, tolerance_mm) for a, b in combinations(places, 2))
+        return None if tellable else remaining[0]
+
+    @property
+    def _places(self) -> list[Position]:
+        """Where the machine may stand: before the first open batch, or at the end of one of them."""
+        remaining = self.remaining
+        origin = self.batches[-len(remaining) - 1].end if self.done else self.start
+        return [origin, *(batch.end for batch in remaining)]
 
     @property
     def expected_s(self) -> float:
@@ -113,11 +125,10 @@ class Case:
         remaining = self.remaining
         if self.accepted:
             return possible(remaining[-1].end, position, tolerance_mm) and self._all_done()
-        origin = self.batches[-len(remaining) - 1].end if self.done else self.start
-        places = [origin, *(batch.end for batch in remaining)]
+        places = self._places
         if remaining and all(batch.ends_program for batch in remaining):
             # Not sent or not heard: run once more it does no harm, so it stays undone.
-            return possible(origin, position, tolerance_mm)
+            return possible(places[0], position, tolerance_mm)
         fitting = [i for i, place in enumerate(places) if possible(place, position, tolerance_mm)]
         if len(fitting) != 1:
             return False

@@ -68,7 +68,7 @@ class Settling(Flights):
         """Repeat what may be repeated, else ask where the machine stands (elvinto §5.4.2, §5.4.3)."""
         case = self._case
         assert case is not None
-        batch = case.next_to_repeat
+        batch = case.next_to_repeat(self._dialect.position_tolerance_mm)
         if case.batches and not case.remaining:
             self._settled(now)
         elif batch is not None and now <= case.move_until:
@@ -94,7 +94,8 @@ class Settling(Flights):
         if now < self._case.ask_until:
             self._try(now)
         else:
-            self._enter(Phase.CHECK, now)
+            self._case.ask_until = now + self._ask_patience_s
+            self._tries_are_over(now)
 
     def _located(self, report: StateReported, now: float) -> None:
         """W95 was executed, so nothing else runs any more; the report says where the machine stands."""

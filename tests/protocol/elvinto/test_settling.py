@@ -30,6 +30,11 @@ def batch(id: int, x: float, **more) -> SendBatch:
     return SendBatch(id, (f"G1X{x:g}",), 0.5, {"x": x, "y": 0.0, "z": 0.0}, **more)
 
 
+def still(id: int) -> SendBatch:
+    """Ends where it began: the position tells nothing about it."""
+    return batch(id, 0)
+
+
 def inherit(*batches: SendBatch, move_until: float = math.inf, start=START) -> Scripted:
     return Scripted(first_id=3000, open_work=OpenWork(batches, start, move_until))
 
@@ -40,7 +45,7 @@ def settle(scene: Scripted, x: float) -> None:
         sent = scene.wait(0.1)
         asked = [id for id, message in sent if message.endswith("W95") and id >= 3000]
         if asked:
-            scene.say(f"RECEIVED,ID<#{asked[-1]}", state("idle", x))
+            scene.say(f"RECEIVED,ID<#{asked[-1]}", state("idle", x), f"OK,ID<#{asked[-1]}")
             return
 
 
@@ -48,35 +53,29 @@ class TestInheritedWork:
     def test_no_init_and_five_probes_that_only_a_restarted_machine_executes(self):
         scene = inherit(batch(2001, 1))
         assert scene.wait(1.49) == PROBES[:5]
-        assert scene.wait(0.02) == [(2001, "GCODE,DATA<#G1X1")]
+        assert scene.wait(0.02) == [(3000, "GCODE,DATA<#W95")]
 
-    def test_a_machine_that_never_had_it_executes_it_now(self):
-        scene = inherit(batch(2001, 1))
-        scene.wait(1.51)
+    def test_where_the_position_would_tell_nothing_the_same_bytes_go_out_again(self):
+        scene = inherit(still(2001))
+        assert scene.wait(1.51)[-1] == (2001, "GCODE,DATA<#G1X0")
         scene.say("RECEIVED,ID<#2001", "OK,ID<#2001")
-        assert scene.take(FateSettled, LinkReady) == [
-            FateSettled((2001,), (), {"x": 1.0, "y": 0.0, "z": 0.0}),
-            LinkReady(),
-        ]
+        assert scene.take(FateSettled, LinkReady) == [FateSettled((2001,), (), START), LinkReady()]
         assert scene.engine.free() == 0  # its memory is proven first
-        scene.answer_position(1)
+        scene.answer_position(0)
         assert scene.engine.free() == 1
 
     def test_a_machine_that_acknowledges_repeats_settles_it(self):
-        scene = inherit(batch(2001, 1), batch(2002, 2))
+        scene = inherit(still(2001), batch(2002, 2))
         scene.say(*(f"RECEIVED,ID<#{k}" for k in range(1, 6)), "OK,ID<#3")  # no STATE: not restarted
-        assert scene.wait(1.51)[-1] == (2001, "GCODE,DATA<#G1X1")
+        assert scene.wait(1.51)[-1] == (2001, "GCODE,DATA<#G1X0")
         scene.say("RECEIVED,ID<#2001", "OK,ID<#2001")
-        assert scene.sent() == [(2002, "GCODE,DATA<#G1X2")]
-        scene.say("RECEIVED,ID<#2002", "OK,ID<#2002")
+        settle(scene, 2)
         assert scene.take(FateSettled)[0].done == (2001, 2002)
 
     @pytest.mark.parametrize(("x", "done"), [(0, ()), (1, (2001,)), (2, (2001, 2002))])
     def test_a_silent_machine_is_asked_where_it_stands(self, x, done):
         scene = inherit(batch(2001, 1), batch(2002, 2))
-        repeats = scene.wait(1.51 + 3.35)
-        assert repeats.count((2001, "GCODE,DATA<#G1X1")) == 11
-        scene.say(f"OK,ID<#{repeats[-1][0]}", state("idle", x + 0.009))
+        settle(scene, x + 0.009)
         (settled,) = scene.take(FateSettled)
         assert settled.done == done
         assert settled.undone == (2001, 2002)[len(done) :]
@@ -102,7 +101,7 @@ class TestInheritedWork:
         assert scene.take(FateInDoubt)
 
     def test_after_a_long_break_nothing_that_moves_is_sent(self):
-        scene = inherit(batch(2001, 1), move_until=-1)
+        scene = inherit(still(2001), move_until=-1)
         sent = scene.wait(3)
         assert {message for _, message in sent} == {"GCODE,DATA<#W95"}
         assert any(id >= 3000 for id, _ in sent)
@@ -128,7 +127,7 @@ class TestInheritedWork:
         assert scene.take(FateSettled)[0].done == (2001, 2002)
 
     def test_an_error_is_doubt(self):
-        scene = inherit(batch(2001, 1))
+        scene = inherit(still(2001))
         scene.wait(1.51)
         scene.say("ERROR,ID<#2001,NUM<#2")
         assert "ERROR 2" in scene.take(FateInDoubt)[0].reason
@@ -155,7 +154,7 @@ class TestInheritedWork:
         scene.say(state("idle", 1))
         sent = scene.wait(3.01)
         assert len([id for id, _ in sent if id < 100]) == 9
-        assert (2001, "GCODE,DATA<#G1X1") in sent
+        assert sent[-1] == (3000, "GCODE,DATA<#W95")
         assert scene.take(MachineRestarted) == []
 
     def test_a_lock_is_an_alarm_that_was_not_cleared(self):
