@@ -52,7 +52,9 @@ class Daemon:
         self.url = url.rstrip("/")
         self.token = around.environ.get("MILLSTREAM_TOKEN")
         headers = {"Authorization": f"Bearer {self.token}"} if self.token else {}
-        self._http = httpx.Client(base_url=self.url + API, headers=headers, timeout=TIMEOUT, transport=around.transport)
+        # A transport of our own, because httpx would ask a proxy of the environment for the machine next door.
+        transport = around.transport or httpx.HTTPTransport()
+        self._http = httpx.Client(base_url=self.url + API, headers=headers, timeout=TIMEOUT, transport=transport)
 
     @classmethod
     def of(cls, ctx: typer.Context, url: str) -> Self:

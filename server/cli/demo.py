@@ -60,7 +60,7 @@ async def _demo(config: Config, listener: socket.socket, *, once: bool) -> Mappi
         say(f"Dashboard: {daemon.url}")
         job = await _worked(daemon)
         if job is not None:
-            say(f"{SAMPLE}: {describe(job)}, {job['progress']['line']} of {job['progress']['lines']} lines")
+            say(f"{SAMPLE}: {describe(job)}, the last line done is {job['progress']['line']}")
             if not once:
                 say("The daemon stays up; Ctrl-C stops it.")
                 await daemon.stopped()

@@ -59,7 +59,9 @@ def follow(fetch: Fetch, title: str, *, sleep: Sleep = time.sleep) -> Mapping[st
             now = job["progress"]
             lines = f"{now['line']}/{now['lines']} lines{_left(now)}"
             text = f"{safe(title)}: {describe(job)}"
-            progress.update(task, total=now["lines"], completed=now["line"], description=text, lines=lines)
+            # What follows the last block (a `%`, a comment) is never executed, so it is never done either.
+            done = now["lines"] if job["status"] == "completed" else now["line"]
+            progress.update(task, total=now["lines"], completed=done, description=text, lines=lines)
             if job["status"] in ENDED:
                 return job
             sleep(POLL_S)

@@ -12,7 +12,7 @@ from urllib.parse import urlencode
 import typer
 
 from server.cli.common import CliError, ExitCode, safe, say
-from sim.options import KEYS, SimOptions, options_from_query
+from sim.options import SimOptions, options_from_query
 from sim.shell import run
 
 group = typer.Typer(help="Virtual machines, for trying things out without a workshop.", no_args_is_help=True)
@@ -38,12 +38,15 @@ def elvinto(
     loss: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to be lost.")] = None,
     flip: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to have a bit flipped.")] = None,
     duplicate: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to come twice.")] = None,
-    noise: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a burst of noise after a byte.")] = None,
-    delay: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a delay.")] = None,
+    noise: Annotated[
+        float | None, typer.Option(min=0, max=1, help="Chance of a burst of noise with what is sent.")
+    ] = None,
+    delay: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a delay of what is sent.")] = None,
     seed: Annotated[int, typer.Option(help="Of the faults: the same seed, the same faults.")] = 0,
     record: Annotated[Path | None, typer.Option(help="File to which every executed block is appended.")] = None,
     option: Annotated[
-        list[str] | None, typer.Option("--option", "-o", help=f"KEY=VALUE; keys: {', '.join(sorted(KEYS))}.")
+        list[str] | None,
+        typer.Option("--option", "-o", help="KEY=VALUE, as in sim:?KEY=VALUE (docs/configuration.md)."),
     ] = None,
 ) -> None:
     """An ElVinto v11 mill; runs until Ctrl-C. Without --pty and --tcp on a pseudo-terminal of any name."""

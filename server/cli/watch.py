@@ -82,7 +82,7 @@ def listen(url: str, token: str | None, query: Mapping[str, object], *, open_: O
 
 def _open(address: str, token: str | None) -> ClientConnection:
     headers = {"Authorization": f"Bearer {token}"} if token else {}
-    # The daemon may be reached through a proxy of the shell's environment no more than by httpx.
+    # No proxy of the environment, as in daemon.py.
     return connect(address, additional_headers=headers, max_size=MAX_MESSAGE_BYTES, proxy=None)
 
 

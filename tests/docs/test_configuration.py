@@ -2,6 +2,7 @@
 
 import json
 from typing import Any
+from urllib.parse import urlencode
 
 import pytest
 from pydantic import BaseModel
@@ -9,6 +10,8 @@ from pydantic_core import PydanticUndefined
 
 from server.config import DEFAULT_DATA_DIR, AxisConfig, ElvintoConfig, MachineConfig, MotionConfig, ServerConfig
 from server.configfile import describe
+from sim.faults import FaultRates
+from sim.options import KEYS, options_from_query
 from tests.harness.docs import page, rows, section
 
 SECTIONS: list[tuple[str, type[BaseModel]]] = [
@@ -45,6 +48,19 @@ def test_every_key_with_default_and_what_is_allowed(heading: str, model: type[Ba
 def test_every_section_of_a_machine_has_its_own_table() -> None:
     sections = {name for name, field in MachineConfig.model_fields.items() if isinstance(field.default, BaseModel)}
     assert {f"## `[machine.{name}]`" for name in sections} <= {heading for heading, _ in SECTIONS}
+
+
+def test_every_key_of_the_virtual_machine_and_no_other() -> None:
+    table = rows(section(page("configuration.md"), '## Virtual machines: `port = "sim:"`'), "key", "default", "meaning")
+    assert {row[0] for row in table} == KEYS
+
+
+def test_defaults_of_the_virtual_machine_are_read_as_they_are_written() -> None:
+    table = rows(section(page("configuration.md"), '## Virtual machines: `port = "sim:"`'), "key", "default", "meaning")
+    written = {row[0]: row[1] for row in table if row[0] != "sd" and row[1] != "none"}
+    read, default = options_from_query(urlencode(written)), options_from_query("")
+    assert (read.settings, read.seed, read.baud) == (default.settings, default.seed, default.baud)
+    assert read.faults == FaultRates()
 
 
 def test_the_axes_are_named() -> None:
