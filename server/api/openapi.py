@@ -47,6 +47,9 @@ def _build(app: FastAPI) -> dict[str, Any]:
 
 
 def _finish(operation: dict[str, Any], schemas: dict[str, Any]) -> None:
+    answers = operation["responses"]
+    if "content" not in answers.get("200", {"content": {}}):
+        del answers["200"]  # an address that only ever refuses (capabilities.py)
     public = operation["x-required-role"] == "public"
     operation["security"] = [] if public else [{"token": []}, {"session": []}]
     for media in operation.get("requestBody", {}).get("content", {}).values():

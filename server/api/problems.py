@@ -110,6 +110,8 @@ def invalid_request(errors: Any) -> ProblemError:
 def _sentence(error: Mapping[str, Any]) -> str:
     if error["type"] == "extra_forbidden":
         return "this field does not exist"
+    if error["loc"] == ("body",):
+        return "a JSON object is needed, sent with Content-Type: application/json"
     return str(error["msg"])[:MAX_ECHO_CHARS]
 
 

@@ -11,7 +11,7 @@ from fastapi import FastAPI, Request
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
-from starlette.responses import Response
+from starlette.responses import JSONResponse, Response
 from starlette.types import Message, Receive
 
 from server.api.guard import PRINCIPAL_KEY
@@ -154,6 +154,7 @@ class Routes:
                 description=_description(endpoint, role),
                 status_code=status,
                 response_model=None,
+                response_class=Response if model is None else JSONResponse,
                 responses={status: _success(model, content), **_refusals(codes)},
                 openapi_extra={"x-required-role": role.word, **(openapi_extra or {})},
                 operation_id=endpoint.__name__,

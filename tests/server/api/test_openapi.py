@@ -1,0 +1,137 @@
+"""The OpenAPI document is complete: nobody has to read the code to write a client."""
+
+import re
+from functools import cache
+from typing import Any
+
+import pytest
+
+from server.api.messages import SOCKET_TEXT, Jog, JogStop, Subscribe, Verb
+from server.problems import CODES
+from tests.harness.fakeworkshop import FakeWorkshop
+from tests.harness.simloop import run_simulated as run
+
+METHODS = {"GET", "POST", "PUT", "PATCH", "DELETE"}
+
+
+@cache
+def document() -> dict[str, Any]:
+    async def main() -> dict[str, Any]:
+        async with FakeWorkshop() as workshop, workshop.client() as client:
+            answer: dict[str, Any] = (await client.get("/api/v1/openapi.json")).json()
+            return answer
+
+    return run(main())
+
+
+@cache
+def served() -> set[tuple[str, str]]:
+    async def main() -> set[tuple[str, str]]:
+        async with FakeWorkshop() as workshop:
+            routes = workshop.app().routes
+            return {
+                (method, getattr(route, "path", "").replace(":path", ""))
+                for route in routes
+                for method in getattr(route, "methods", ())
+            }
+
+    return run(main())
+
+
+OPERATIONS = [
+    (method.upper(), path, operation)
+    for path, item in document()["paths"].items()
+    for method, operation in item.items()
+]
+each = pytest.mark.parametrize(("method", "path", "operation"), OPERATIONS, ids=[f"{m} {p}" for m, p, _ in OPERATIONS])
+
+
+def resolve(schema: dict[str, Any]) -> dict[str, Any]:
+    while "$ref" in schema:
+        schema = document()["components"]["schemas"][schema["$ref"].rpartition("/")[2]]
+    return schema
+
+
+def test_every_route_is_described_and_nothing_else() -> None:
+    assert {(method, path) for method, path, _ in OPERATIONS} == served()
+    assert len(OPERATIONS) > 50
+
+
+@each
+def test_summary_role_and_name(method: str, path: str, operation: dict[str, Any]) -> None:
+    assert re.fullmatch(r"[A-Z][^.]{4,80}", operation["summary"])
+    assert operation["tags"]
+    role = operation["x-required-role"]
+    assert role in ("public", "viewer", "operator", "admin")
+    assert operation["security"] == ([] if role == "public" else [{"token": []}, {"session": []}])
+    assert ("no token" if role == "public" else f"`{role}`") in operation["description"]
+
+
+def test_operation_ids_are_unique() -> None:
+    ids = [operation["operationId"] for _, _, operation in OPERATIONS]
+    assert len(ids) == len(set(ids))
+
+
+@each
+def test_answers_have_a_schema_and_an_example(method: str, path: str, operation: dict[str, Any]) -> None:
+    good = {status: answer for status, answer in operation["responses"].items() if status < "400"}
+    assert len(good) <= 1
+    for status, answer in good.items():
+        if status == "204":
+            assert "content" not in answer
+            continue
+        for media in answer["content"].values():
+            assert resolve(media["schema"])
+            assert media["example"] not in (None, "")
+    if not good:
+        assert "409" in operation["responses"], "an address that only ever refuses says so"
+
+
+@each
+def test_refusals_are_problems_with_examples(method: str, path: str, operation: dict[str, Any]) -> None:
+    bad = {status: answer for status, answer in operation["responses"].items() if status >= "400"}
+    assert {"421", "500"} <= set(bad)
+    if operation["x-required-role"] != "public":
+        assert {"401", "403"} <= set(bad)
+    if operation.get("parameters"):
+        assert "422" in bad
+    if "application/json" in operation.get("requestBody", {}).get("content", {}):
+        assert {"400", "413", "422"} <= set(bad)
+    if method != "GET":
+        assert "bad_origin" in bad["403"]["content"]["application/problem+json"]["examples"]
+    for status, answer in bad.items():
+        assert set(answer["content"]) == {"application/problem+json"}
+        media = answer["content"]["application/problem+json"]
+        assert media["schema"] == {"$ref": "#/components/schemas/Problem"}
+        for code, example in media["examples"].items():
+            assert CODES[code][0] == int(status) == example["value"]["status"]
+            assert example["value"]["code"] == code
+
+
+@each
+def test_bodies_have_a_schema_and_an_example(method: str, path: str, operation: dict[str, Any]) -> None:
+    for media in operation.get("requestBody", {}).get("content", {}).values():
+        assert media["schema"]
+        assert media["example"]
+
+
+@each
+def test_parameters_are_described(method: str, path: str, operation: dict[str, Any]) -> None:
+    for parameter in operation.get("parameters", ()):
+        assert parameter["description"], parameter["name"]
+
+
+def test_nothing_of_the_framework_is_in_it() -> None:
+    assert "ValidationError" not in str(document())
+
+
+def test_every_schema_that_is_pointed_to_is_there() -> None:
+    pointed = set(re.findall(r"#/components/schemas/(\w+)", str(document())))
+    assert pointed <= set(document()["components"]["schemas"])
+
+
+def test_the_websocket_is_described_with_every_message() -> None:
+    assert SOCKET_TEXT in document()["info"]["description"]
+    for model in (Subscribe, Verb, Jog, JogStop):
+        for word in model.model_fields["type"].annotation.__args__:
+            assert word in SOCKET_TEXT

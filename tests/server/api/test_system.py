@@ -1,0 +1,93 @@
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from server.api.system import web_files
+from tests.harness.fakeworkshop import FakeWorkshop
+from tests.harness.simloop import run_simulated as run
+
+ROOT = Path(__file__).resolve().parents[3]
+WEB = ROOT / "web"
+PAGES = sorted(WEB.glob("*.html"))
+
+
+def get(path: str, **headers: str) -> tuple[int, str, bytes, str | None]:
+    async def main() -> tuple[int, str, bytes, str | None]:
+        async with FakeWorkshop() as workshop, workshop.client(**headers) as client:
+            answer = await client.get(path)
+            kind = answer.headers.get("content-type", "")
+            return answer.status_code, kind, answer.content, answer.headers.get("etag")
+
+    return run(main())
+
+
+def test_alive() -> None:
+    status, kind, body, _ = get("/healthz")
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert (status, kind, body.decode()) == (200, "application/json", f'{{"status":"ok","version":"{version}"}}')
+
+
+def test_metrics_are_prometheus_text() -> None:
+    status, kind, body, _ = get("/metrics")
+    assert (status, kind) == (200, "text/plain; version=0.0.4; charset=utf-8")
+    assert b'millstream_jobs{status="completed"} 4.0' in body
+    assert b'millstream_connected{machine="router"} 1.0' in body
+
+
+@pytest.mark.parametrize(
+    ("path", "file", "kind"),
+    [
+        ("/", "index.html", "text/html; charset=utf-8"),
+        ("/docs", "docs.html", "text/html; charset=utf-8"),
+        ("/web/app.js", "app.js", "text/javascript; charset=utf-8"),
+        ("/web/docs.js", "docs.js", "text/javascript; charset=utf-8"),
+        ("/web/style.css", "style.css", "text/css; charset=utf-8"),
+        ("/web/icon.svg", "icon.svg", "image/svg+xml"),
+    ],
+)
+def test_pages(path: str, file: str, kind: str) -> None:
+    status, got, body, etag = get(path)
+    assert (status, got, body) == (200, kind, (WEB / file).read_bytes())
+    assert etag is not None
+    assert get(path, **{"If-None-Match": etag})[0] == 304
+
+
+@pytest.mark.parametrize(
+    "path", ["../pyproject.toml", "..%2fpyproject.toml", "%2e%2e/README.md", "nothing.js", "/etc/passwd"]
+)
+def test_nothing_but_the_pages_is_served(path: str) -> None:
+    assert get(f"/web/{path}")[0] == 404
+
+
+def test_the_wheel_carries_the_pages() -> None:
+    """An editable install has no such files and finds them in the repository instead."""
+    wheel = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert wheel["force-include"] == {"web": "server/web"}
+    assert set(web_files()) >= {"index.html", "app.js", "style.css", "docs.html", "docs.js", "icon.svg"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_pages_obey_their_own_security_policy(page: Path) -> None:
+    text = page.read_text()
+    assert not re.search(r"<style|style=|\son[a-z]+=|javascript:", text), "nothing inline"
+    assert all('src="' in tag for tag in re.findall(r"<script[^>]*>", text))
+    for address in re.findall(r'(?:src|href)="([^"]+)"', text):
+        assert address.startswith("/"), f"{address} is not ours"
+        assert get(address)[0] == 200, address
+
+
+@pytest.mark.parametrize("script", sorted(WEB.glob("*.js")), ids=lambda script: script.name)
+def test_scripts_put_nothing_into_a_page_as_markup(script: Path) -> None:
+    text = script.read_text()
+    for trap in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(", "new Function", ".style."):
+        assert trap not in text
+    assert not re.search(r"https?://", text), "works without the internet"
+
+
+def test_the_script_finds_what_it_looks_for_in_the_page() -> None:
+    page, script = (WEB / "index.html").read_text(), (WEB / "app.js").read_text()
+    wanted = set(re.findall(r'byId\("([^"]+)"\)', script))
+    assert "estop" in wanted
+    assert wanted <= set(re.findall(r'id="([^"]+)"', page))

@@ -1,0 +1,116 @@
+import contextlib
+from collections.abc import AsyncIterator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from starlette.requests import Request
+from starlette.types import Message
+
+from server.api.upload import MAX_NAME_CHARS, MAX_PART_HEADER_BYTES, FileOfForm, is_multipart, program_name
+from server.problems import ProblemError
+from tests.harness.simloop import run_simulated as run
+
+BOUNDARY = b"----mill"
+
+
+def part(disposition: bytes, content: bytes) -> bytes:
+    return b"--" + BOUNDARY + b"\r\nContent-Disposition: form-data; " + disposition + b"\r\n\r\n" + content + b"\r\n"
+
+
+END = b"--" + BOUNDARY + b"--\r\n"
+
+
+def request(body: bytes, *, size: int = 7, content_type: str = "multipart/form-data; boundary=----mill") -> Request:
+    pieces = [body[at : at + size] for at in range(0, len(body), size)]
+
+    async def receive() -> Message:
+        piece = pieces.pop(0) if pieces else b""
+        return {"type": "http.request", "body": piece, "more_body": bool(pieces)}
+
+    headers = [(b"content-type", content_type.encode())]
+    return Request({"type": "http", "method": "POST", "path": "/", "headers": headers}, receive)
+
+
+def read(body: bytes, **options: int) -> tuple[str | None, bytes]:
+    async def main() -> tuple[str | None, bytes]:
+        form = FileOfForm(request(body, **options))
+        await form.find()
+        chunks: AsyncIterator[bytes] = form.chunks()
+        return form.name, b"".join([chunk async for chunk in chunks])
+
+    return run(main())
+
+
+def refused(body: bytes, words: str) -> None:
+    with pytest.raises(ProblemError, match=words) as caught:
+        read(body)
+    assert caught.value.code == "invalid_request"
+
+
+@given(content=st.binary(max_size=200), size=st.integers(1, 300))
+def test_any_content_in_any_pieces_comes_out_as_it_was(content: bytes, size: int) -> None:
+    body = (
+        part(b'name="note"', b"x") + part(b'name="file"; filename="part.nc"', content) + part(b'name="z"', b"y") + END
+    )
+    assert read(body, size=size) == ("part.nc", content)
+
+
+@given(st.binary(max_size=200), st.integers(1, 50))
+def test_any_bytes_are_refused_or_read_but_never_break_anything(junk: bytes, size: int) -> None:
+    with contextlib.suppress(ProblemError):
+        read(b"--" + BOUNDARY + b"\r\n" + junk, size=size)
+
+
+def test_content_that_looks_like_a_boundary() -> None:
+    content = b"\r\n------mil\r\n--\r\n--" + BOUNDARY + b"x"
+    assert read(part(b'name="file"', content) + END, size=3)[1].startswith(b"\r\n------mil")
+
+
+def test_only_the_first_file_counts() -> None:
+    body = part(b'name="file"; filename="a.nc"', b"first") + part(b'name="file"; filename="b.nc"', b"second") + END
+    assert read(body) == ("a.nc", b"first")
+
+
+def test_a_file_without_a_name_and_one_with_a_foreign_one() -> None:
+    assert read(part(b'name="file"', b"x") + END)[0] is None
+    assert read(part('name="file"; filename="деталь.nc"'.encode(), b"x") + END)[0] == "деталь.nc"
+
+
+def test_forms_that_are_none() -> None:
+    refused(part(b'name="other"', b"x") + END, "no part named")
+    refused(b"", "no part named")
+    refused(b"G21\nM30\n", "malformed|no part")
+    refused(part(b'name="file"', b"x")[:-4], "breaks off")
+    refused(part(b'name="file"', b"x"), "breaks off")
+    refused(part(b'name="' + b"x" * (MAX_PART_HEADER_BYTES + 1) + b'"', b"x"), "malformed")
+
+
+def test_a_form_without_a_boundary() -> None:
+    with pytest.raises(ProblemError, match="boundary"):
+        FileOfForm(request(b"", content_type="multipart/form-data"))
+
+
+def test_what_is_a_form() -> None:
+    assert is_multipart(request(b""))
+    assert not is_multipart(request(b"", content_type="text/plain"))
+
+
+@pytest.mark.parametrize(
+    ("candidates", "name"),
+    [
+        (("part.nc", "other.nc"), "part.nc"),
+        ((None, "other.nc"), "other.nc"),
+        (("", "other.nc"), "other.nc"),
+        (("../../etc/passwd",), "passwd"),
+        (("C:\\cam\\деталь 1.nc",), "деталь 1.nc"),
+    ],
+)
+def test_names(candidates: tuple[str | None, ...], name: str) -> None:
+    assert program_name(*candidates) == name
+
+
+@pytest.mark.parametrize("name", [None, "", "  ", "dir/", "a\nb", "a\x00", "\u202egpj.nc", "x" * (MAX_NAME_CHARS + 1)])
+def test_names_that_are_refused(name: str | None) -> None:
+    with pytest.raises(ProblemError):
+        program_name(name)
