@@ -45,11 +45,11 @@ def check_program(
     """Check a program for a controller; never raises on any bytes.
 
     `lines` as from `gcode.lines.split_lines` or `ProgramStore.lines`. `motion` brings rates and travel, `position`
-    where the machine stands, `envelope`: its envelope control is on. `max_block_bytes` is the smaller of what a
-    batch may carry and the profile's own limit.
+    where the machine stands, `envelope`: its envelope control is on. `max_block_bytes` is what a batch may carry,
+    where the configuration says something else than the profile.
     """
     checker = _Checker(profile, motion or Motion(), position, envelope=envelope)
-    checker.limit_bytes = min(max_block_bytes or profile.max_block_bytes, profile.max_block_bytes)
+    checker.limit_bytes = max_block_bytes or profile.max_block_bytes
     inches = InchConverter() if convert_inches else None
     for line, raw in enumerate(lines, first_line):
         checker.lines += 1

@@ -43,52 +43,56 @@ class Compactor:
 
     def compact(self, block: Block) -> str:
         """The wire text of `block`; empty when it has nothing to send."""
-        words = [word for word in block.words if word.letter not in DROPPED_LETTERS]
-        dropped = self._dropped(words)
-        # A block that changes nothing stays a block: whoever counts blocks must find it again.
-        kept = [word for word in words if word.letter not in dropped] if len(dropped) < len(words) else words
-        return "".join([word.letter + shortest(word.text) for word in kept])
+        dropped = self._dropped(block.words) | DROPPED_LETTERS
+        kept = [word.letter + shortest(word.text) for word in block.words if word.letter not in dropped]
+        if not kept:
+            # A block that changes nothing stays a block: whoever counts blocks must find it again.
+            kept = [word.letter + shortest(word.text) for word in block.words if word.letter not in DROPPED_LETTERS]
+        return "".join(kept)
 
-    def _dropped(self, words: list[Word]) -> set[str]:
+    def _dropped(self, words: tuple[Word, ...]) -> set[str]:
         """The letters that change nothing. `G` stands for the block's only G word. Follows the state on the way."""
+        code_letters, codes = self._profile.code_letters, self._profile.codes
         values: dict[str, float] = {}
         effects: list[str] = []
         g_words = 0
         usual = True
-        for word in words:
-            letter = word.letter
-            if letter not in self._profile.code_letters:
+        for letter, value, text, _ in words:
+            if letter not in code_letters:
+                if letter in DROPPED_LETTERS:
+                    continue
                 usual = usual and letter not in values
-                values[letter] = word.value
+                values[letter] = value
                 continue
             g_words += letter == "G"
-            code = self._profile.codes.get(code_name(letter, word.text))
+            code = codes.get(code_name(letter, text))
             usual = usual and code is not None and not code.barrier
             if code is None or code.effect != "none":
                 effects.append(code.effect if code else "unknown")
-        self._set_distance(effects)
-        modes = [effect for effect in effects if effect not in _DISTANCES]
+        modes = self._modes(effects) if effects else effects
         if not usual or len(modes) > 1 or not _MOTIONS.issuperset(modes):
             self.forget()
             return set()
-        dropped = set()
-        if modes:
-            # Without axis words it would be a guess that the controller still takes the rest as a motion.
-            if modes[0] == self._mode and g_words == 1 and not _AXIS_LETTERS.isdisjoint(values):
-                dropped.add("G")
-            self._mode = modes[0]
+        same_mode = bool(modes) and modes[0] == self._mode
+        self._mode = modes[0] if modes else self._mode
+        dropped = self._dropped_axes(values)
+        # Without axis words it would be a guess that the controller still takes the rest as a motion.
+        if same_mode and g_words == 1 and not _AXIS_LETTERS.isdisjoint(values):
+            dropped.add("G")
         if (feed := values.get("F")) is not None:
             if feed == self._feed:
                 dropped.add("F")
             self._feed = feed
-        return dropped | self._dropped_axes(values)
+        return dropped
 
-    def _set_distance(self, effects: list[str]) -> None:
+    def _modes(self, effects: list[str]) -> list[str]:
+        """The effects without those of the distance mode, which are taken note of here, even in unusual blocks."""
         distances = [effect for effect in effects if effect in _DISTANCES]
         if len(distances) > 1 or not _KEEPS_DISTANCE.issuperset(effects):
             self._absolute = None
         elif distances:
             self._absolute = distances[0] == "absolute"
+        return [effect for effect in effects if effect not in _DISTANCES]
 
     def _dropped_axes(self, values: dict[str, float]) -> set[str]:
         targets = {letter: value for letter, value in values.items() if letter in _AXIS_LETTERS}

@@ -110,18 +110,17 @@ class Tracker:
 
     def step(self, block: Block) -> Step:
         """Execute `block`: modal words first, then what moves (rs274 §3). Never raises on any block."""
-        profile = self._profile
+        code_letters, known = self._profile.code_letters, self._profile.codes
         acting: list[Code] = []
         values: dict[str, float] = {}
         codes = modes = 0
         lost = ended = False
-        for word in block.words:
-            letter = word.letter
-            if letter not in profile.code_letters:
-                values[letter] = word.value
+        for letter, value, text, _ in block.words:
+            if letter not in code_letters:
+                values[letter] = value
                 continue
             codes += 1
-            code = profile.codes.get(code_name(letter, word.text))
+            code = known.get(code_name(letter, text))
             if code is None:
                 lost = True
             elif code.group == "motion":
@@ -220,12 +219,11 @@ class Tracker:
 
     def _length(self, deltas: Mapping[str, float]) -> float:
         """Length of the way in mm; of a turn without any linear axis, in degrees."""
-        if len(deltas) == 1:
-            return abs(next(iter(deltas.values())))
         rotary = self._profile.rotary_axes
+        if rotary.isdisjoint(deltas):
+            return hypot(*deltas.values())
         linear = [way for axis, way in deltas.items() if axis not in rotary]
-        ways = linear if any(linear) else list(deltas.values())
-        return sqrt(sum([way * way for way in ways]))
+        return hypot(*linear) if any(linear) else hypot(*deltas.values())
 
     def _rapid_seconds(self, deltas: Mapping[str, float]) -> float:
         """From rest to rest, as the slowest axis needs."""

@@ -74,12 +74,13 @@ def code_name(letter: str, text: str) -> str:
     return letter + shortest(text)
 
 
-@lru_cache(maxsize=4096)
 def shortest(text: str) -> str:
     """The same number in fewer characters: no `+`, no zeros that say nothing. Digits are never rounded.
 
     A zero before the point stays where one was written: not every controller reads `.5`.
     """
+    if _SHORTEST.fullmatch(text):
+        return text
     sign = "-" if text.startswith("-") else ""
     whole, _, fraction = text.lstrip("+-").partition(".")
     fraction = fraction.rstrip("0")
@@ -89,6 +90,10 @@ def shortest(text: str) -> str:
         whole = "0"
     number = f"{whole}.{fraction}" if fraction else whole
     return number if number == "0" else sign + number
+
+
+# What most numbers are already; `-0` is not.
+_SHORTEST = re.compile(r"-?(?:0|[1-9][0-9]*)?\.[0-9]*[1-9]|-?[1-9][0-9]*|0")
 
 
 # --- the usual shape ------------------------------------------------------------------------------------------

@@ -64,7 +64,7 @@ class PlannedBatch:
     tool_change: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # not frozen: that doubles the time of making one, and there is one a block
 class _Item:
     """A block that is ready to go. `cost_s` counts against the bound: without end where its length is unknown."""
 
@@ -333,13 +333,13 @@ class _Load:
 def _barrier(block: Block, profile: Profile) -> _Barrier | None:
     """What makes `block` travel alone (elvinto §7); None for the many that do not."""
     found = locate = ends_program = tool_change = False
-    for word in block.words:
-        letter = word.letter
-        if letter in profile.barrier_letters:
+    code_letters, barrier_letters, codes = profile.code_letters, profile.barrier_letters, profile.codes
+    for letter, _, text, _ in block.words:
+        if letter in barrier_letters:
             found = True
-        if letter not in profile.code_letters:
+        if letter not in code_letters:
             continue
-        code = profile.codes.get(code_name(letter, word.text))
+        code = codes.get(code_name(letter, text))
         if code is None:
             # Nobody knows what it does, so nothing else may hang on it.
             found = locate = True

@@ -1,8 +1,8 @@
 """Programs on disk: by content hash, with an index of line offsets. Not the table of programs; that is store.py.
 
 `<sha256>.nc` is the upload byte for byte, `<sha256>.idx` the offset of every 1,024th line. The one rule: a file under
-its final name is complete and durable; everything else is a `.part` that the next start removes. Memory stays
-constant whatever the size.
+its final name is complete and durable; what a crash left half-done (a `.part`, an index alone) the next start
+removes. Memory stays constant whatever the size.
 """
 
 import hashlib
@@ -61,6 +61,9 @@ class ProgramStore:
         root.mkdir(parents=True, exist_ok=True)
         for left_over in root.glob(f"*{_PART}"):
             left_over.unlink(missing_ok=True)
+        for index in root.glob("*.idx"):
+            if not index.with_suffix(".nc").exists():
+                index.unlink(missing_ok=True)
 
     def writer(self, name: str) -> "Writer":
         """Begin an upload. Raises OSError when the disk does not take it."""

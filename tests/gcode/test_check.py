@@ -150,6 +150,9 @@ def test_a_block_that_does_not_fit() -> None:
     long = "G1 X1.000000000 Y2.000000000 Z3.00000000"
     assert kinds(check(HEAD + long + END, max_block_bytes=30))["error"] == [(5, 1, "block_too_long")]
     assert check(HEAD + long + " (" + "x" * 600 + ")" + END).ok
+    zeros = "G1 X1." + "0" * 600
+    assert kinds(check(HEAD + zeros + END))["error"] == [(5, 1, "block_too_long")]
+    assert check(HEAD + zeros + END, max_block_bytes=1000).ok
 
 
 def test_a_line_without_end_is_reported() -> None:

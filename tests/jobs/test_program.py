@@ -156,7 +156,7 @@ def test_an_upload_that_stops_leaves_nothing(tmp_path: Path) -> None:
 def test_what_a_crash_left_is_removed_at_the_next_start(tmp_path: Path) -> None:
     store = ProgramStore(tmp_path)
     info = keep(store, b"G0\n")
-    for name in ("0123.nc.part", "0123.idx.part"):
+    for name in ("0123.nc.part", "0123.idx.part", f"{'0' * 64}.idx"):
         (tmp_path / name).write_bytes(b"G1\n")
     again = ProgramStore(tmp_path)
     assert files(tmp_path) == [f"{info.id}.idx", f"{info.id}.nc"]
