@@ -296,7 +296,7 @@ class ElvintoEngine(Settling):
             self._located(turn.state, now)
             return
         self._initialised = True
-        self._report_unlocated(turn.state.position)
+        self._report_unproven(turn.state.position)
         if self._query_token is not None:
             token, self._query_token = self._query_token, None
             self._emit(CommandDone(token))

@@ -11,7 +11,7 @@ from protocol.commands import Position
 from protocol.elvinto.codec import printable
 from protocol.elvinto.dialect import Dialect
 from protocol.elvinto.ids import Ids
-from protocol.elvinto.phases import STEPS, Flight, Phase, Turn
+from protocol.elvinto.phases import STEPS, Flight, Phase, Turn, Unproven
 from protocol.elvinto.reports import LOCKED, FileListing
 from protocol.elvinto.settle import Case
 from protocol.elvinto.wire import Wire
@@ -41,7 +41,7 @@ class Exchange:
         self._case: Case | None = None
         self._listing: FileListing | None = None
         self._query_token: int | None = None  # of a Locate, ListFiles or AskToolChange
-        self._unlocated: BatchDone | None = None  # its OK came, its position is being asked for
+        self._unproven: Unproven | None = None
         self._emergency: Turn | None = None
         self._emergency_tokens: list[int] = []
         self._greetings = 0  # READYs sent and not answered
@@ -150,15 +150,16 @@ class Exchange:
             token, self._query_token = self._query_token, None
             self._emit(CommandFailed(token, None, why))
 
-    def _report_unlocated(self, position: Position) -> None:
-        """The batch whose position was asked for is done in any case: its OK came."""
-        if self._unlocated is not None:
-            done, self._unlocated = self._unlocated, None
-            self._emit(BatchDone(done.id, done.inferred, position or None))
+    def _report_unproven(self, position: Position) -> None:
+        """The batch is done, whatever may come now: its OK came."""
+        if self._unproven is not None:
+            batch, self._unproven = self._unproven, None
+            self._emit(BatchDone(batch.id, batch.inferred, position if batch.locate and position else None))
 
     def _close(self, reason: str) -> None:
         """Give the link up. What was open stays open: the next epoch settles it."""
-        self._report_unlocated({})
+        if self._unproven is not None and not self._unproven.repeated:
+            self._report_unproven({})
         self._fail_query("the link was lost")
         if self._flight is not None and self._flight.token is not None:
             self._emit(

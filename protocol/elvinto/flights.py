@@ -11,7 +11,7 @@ from typing import Literal
 from protocol.commands import Position, SendBatch
 from protocol.elvinto.codec import encode_gcode
 from protocol.elvinto.exchange import Exchange
-from protocol.elvinto.phases import STEPS, Flight, Phase
+from protocol.elvinto.phases import STEPS, Flight, Phase, Unproven
 from protocol.elvinto.settle import Case, possible
 from protocol.errors import LocalError, MessageTooLongError
 from protocol.events import (
@@ -224,8 +224,9 @@ class Flights(Exchange, ABC):
     def _report_done(self, flight: Flight, *, inferred: bool) -> None:
         if flight.token is not None:
             self._emit(CommandDone(flight.token))
-        elif flight.batch.locate_after:
-            self._unlocated = BatchDone(flight.id, inferred)
+        elif flight.batch.locate_after or (flight.attempts > 1 and not flight.repeatable):
+            repeated = flight.attempts > 1
+            self._unproven = Unproven(flight.id, inferred, flight.batch.locate_after, repeated)
             self._ids.doubt()  # so that idle begins with the question
         else:
             self._emit(BatchDone(flight.id, inferred))

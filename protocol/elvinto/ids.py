@@ -10,8 +10,9 @@ FIRST_ID = 1000
 LAST_PROBE_ID = 99
 HIGHEST_ID = 2_000_000_000
 """A machine may keep the ID in 32 bits, signed."""
-TRIES_BEFORE_LEAP = 5
-"""Queries of one kind under the next IDs; if none is accepted, the memory may hold a higher ID: leap a digit."""
+TRIES_BEFORE_LEAP = 3
+"""Queries of one kind under the next IDs; if none is accepted, the memory may hold a higher ID: leap a digit. A digit
+doubled on the wire makes two leaps needed; both fit into the tries of a query."""
 
 
 class Ids:

@@ -104,6 +104,20 @@ class Turn:
         return self.step.awaits == "position" and self.received and self.state is not None
 
 
+@dataclass(frozen=True, slots=True)
+class Unproven:
+    """A batch whose OK came and whose report waits for W95.
+
+    `locate`: because its effect cannot be computed. `repeated`: because its bytes went out more than once; if the
+    machine turns out to have restarted in between, it may have executed them twice.
+    """
+
+    id: int
+    inferred: bool
+    locate: bool
+    repeated: bool
+
+
 @dataclass(slots=True)
 class Flight:
     """A command on its way. `token` None: a batch of a job."""

@@ -11,6 +11,8 @@ from protocol.elvinto.flights import Flights
 from protocol.elvinto.phases import Flight, Phase
 from protocol.elvinto.settle import Case
 from protocol.events import (
+    BatchDone,
+    BatchFailed,
     CommandDone,
     CommandFailed,
     FateInDoubt,
@@ -112,7 +114,10 @@ class Settling(Flights):
         case, flight = self._case, self._flight
         assert case is not None
         self._case = self._flight = None
-        if flight is not None and case.accepted:
+        if flight is not None and flight.token is None and case.accepted and self._ids.proven:
+            position = dict(self._standing) if flight.batch.locate_after else None
+            self._emit(BatchDone(flight.id, inferred=True, position=position))
+        elif flight is not None and case.accepted:
             self._report_done(flight, inferred=True)
         elif flight is not None and flight.token is not None:
             done = flight.id in case.done
@@ -139,15 +144,18 @@ class Settling(Flights):
 
     def _break_off(self, reason: Literal["error", "alarm", "estop", "restart"], code: int | None, message: str) -> None:
         """Whatever is under way ends here, each with its own report."""
-        self._report_unlocated({})
+        self._report_unproven({})
         self._report_doubt(message)
         self._flight_failed(reason, code, message)
         self._fail_query(message)
 
     def _restarted(self, evidence: str, now: float) -> None:
         """The machine has lost its memory: position unknown. Initialise it; what was open is over (elvinto §5.4.1)."""
-        self._report_unlocated({})
         self._emit(MachineRestarted(evidence))
+        if self._unproven is not None and self._unproven.repeated:
+            why = "the machine has restarted while the batch was being repeated: it may have been executed twice"
+            self._emit(BatchFailed(self._unproven.id, "restart", None, why))
+            self._unproven = None
         self._break_off("restart", None, f"the machine has restarted: {evidence}")
         self._standing = {}
         self._alarmed = False
