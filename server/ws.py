@@ -8,6 +8,7 @@ import asyncio
 import json
 import logging
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 from typing import Any
 
 from fastapi import FastAPI
@@ -22,7 +23,7 @@ from server.api.routing import admit, requires
 from server.api.services import Json, MachineControl, Services
 from server.auth import Principal, Role
 from server.heldjog import HeldJogs
-from server.hub import CutError, Subscription
+from server.hub import CutError, Hub, Subscription
 from server.jsontext import dumps
 from server.problems import ProblemError
 
@@ -52,6 +53,25 @@ async def snapshot(services: Services) -> Json:
     }
 
 
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """What a new reader begins with. `missed`: texts of what was published since it was last here."""
+
+    seq: int
+    resync: bool
+    missed: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, hub: Hub, query: SocketQuery, subscription: Subscription) -> "_Start":
+        if query.since is None:
+            return cls(hub.seq, resync=False)
+        missed = hub.missed(query.since, subscription.wanted)
+        if missed is None:
+            return cls(hub.seq, resync=True)
+        # A reader remembers the largest seq it saw: while the missed ones are still to come, hello must not exceed it.
+        return cls(query.since, resync=False, missed=tuple(missed))
+
+
 class EventSocket:
     """One connected reader."""
 
@@ -66,11 +86,12 @@ class EventSocket:
         """Serve this reader until it goes or is cut."""
         hub = self._services.hub
         subscription = hub.subscribe(query.filter())
+        # In the same step as the subscription: nothing falls between, and nothing comes twice.
+        start = _Start.of(hub, query, subscription)
         try:
             await self._socket.accept()
-            await self._greet(query, subscription)
             await self._until_one_ends(
-                self._write(query, subscription), self._read(subscription), self._watch(subscription)
+                self._write(start, subscription), self._read(subscription), self._watch(subscription)
             )
         finally:
             self._held.release_all(self)
@@ -78,17 +99,11 @@ class EventSocket:
                 task.cancel()
             hub.unsubscribe(subscription)
 
-    async def _greet(self, query: SocketQuery, subscription: Subscription) -> None:
-        """`hello` with the snapshot, then what was missed. The subscription is open already: nothing falls between."""
-        hub = self._services.hub
-        seq = hub.seq
-        missed = None if query.since is None else hub.missed(query.since, subscription.wanted)
-        resync = query.since is not None and missed is None
-        data = {**await snapshot(self._services), "resync": resync, "role": self._principal.role.word}
-        # A reader remembers the largest seq it saw: while the missed ones are still to come, hello must not exceed it.
-        at_seq = seq if missed is None or query.since is None else query.since
-        await self._socket.send_text(hub.envelope("hello", data, seq=at_seq))
-        for text in missed or ():
+    async def _greet(self, start: "_Start") -> None:
+        """`hello` with the snapshot, then what was missed."""
+        data = {**await snapshot(self._services), "resync": start.resync, "role": self._principal.role.word}
+        await self._socket.send_text(self._services.hub.envelope("hello", data, seq=start.seq))
+        for text in start.missed:
             await self._socket.send_text(text)
 
     async def _until_one_ends(self, *work: Awaitable[None]) -> None:
@@ -111,7 +126,6 @@ class EventSocket:
                 case _:
                     logger.error("unexpected error in a WebSocket", exc_info=error)
                     await self._close(INTERNAL_ERROR, "internal error")
-                    return
 
     async def _close(self, code: int, reason: str) -> None:
         if self._socket.application_state is not WebSocketState.CONNECTED:
@@ -122,8 +136,8 @@ class EventSocket:
         except (TimeoutError, WebSocketDisconnect, RuntimeError):
             logger.info("a WebSocket reader did not take the farewell: %s", reason)
 
-    async def _write(self, query: SocketQuery, subscription: Subscription) -> None:
-        await self._greet(query, subscription)
+    async def _write(self, start: "_Start", subscription: Subscription) -> None:
+        await self._greet(start)
         while True:
             text = await subscription.next()
             if not self._services.tokens.still_good(self._principal):
@@ -161,6 +175,9 @@ class EventSocket:
             answer = self._act(message, subscription)
         except ProblemError as problem:
             subscription.push(failure(id_, problem))
+            return
+        except Exception as error:  # noqa: BLE001 - the outermost loop of a message
+            subscription.push(failure(id_, our_fault(error)))
             return
         if answer is None:
             subscription.push(success(id_))
@@ -202,6 +219,8 @@ class EventSocket:
                 machine.estop()
             except ProblemError as problem:
                 refusals.append(problem)
+            except Exception as error:  # noqa: BLE001 - a fault with one machine must not spare the next
+                refusals.append(our_fault(error))
         if refusals:
             detail = " ".join(problem.detail for problem in refusals)
             raise ProblemError(refusals[0].code, detail, refused=len(refusals), machines=len(self._services.machines))
@@ -212,9 +231,8 @@ class EventSocket:
                 await answer
             except ProblemError as problem:
                 subscription.push(failure(id_, problem))
-            except Exception:  # the outermost loop of a message
-                logger.exception("unexpected error in a message of a WebSocket")
-                subscription.push(failure(id_, internal_problem()))
+            except Exception as error:  # noqa: BLE001 - the outermost loop of a message
+                subscription.push(failure(id_, our_fault(error)))
             else:
                 subscription.push(success(id_))
 
@@ -247,6 +265,12 @@ def _valid(spoken: Json) -> Subscribe | Verb | Jog | JogStop:
         return CLIENT_MESSAGE.validate_python(spoken)
     except ValidationError as error:
         raise invalid_request(error.errors(include_url=False)) from error
+
+
+def our_fault(error: Exception) -> ProblemError:
+    """The log gets the error, the client a problem."""
+    logger.error("unexpected error in a message of a WebSocket", exc_info=error)
+    return internal_problem()
 
 
 def success(id_: Any) -> str:

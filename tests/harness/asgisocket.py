@@ -70,6 +70,11 @@ class AsgiSocket:
         await self._to_app.put({"type": "websocket.disconnect", "code": 1001})
         await asyncio.wait_for(self._task, 5)
 
+    @property
+    def ended(self) -> bool:
+        """Whether the application has finished with this connection."""
+        return self._task is not None and self._task.done()
+
     async def say(self, message: Any) -> None:
         """Send a JSON message, or a text as it is."""
         text = message if isinstance(message, str) else json.dumps(message)
