@@ -205,8 +205,11 @@ class Runner:
 
     def cancel(self) -> list[Effect]:
         """End after the batch in flight; at once where the machine cannot be asked any more."""
-        self._wishes.cancel = True
-        self._shelve()
+        if not self._wishes.cancel:
+            self._wishes.cancel = True
+            # If the process dies before the end is durable, the job must at least not move again.
+            self._emit(SetHold(hold=True))
+            self._shelve()
         if self._outcome is not None and self._outcome.status is Status.INTERRUPTED:
             self._outcome = Outcome(Status.CANCELLED, self._outcome.code, self._outcome.message)
             self._doubt(self._open, RowStatus.DOUBTFUL)
@@ -296,7 +299,9 @@ class Runner:
             return self._drain()
         self._plan()
         ahead = self._ahead
-        if ahead is None:
+        # The end of a program makes the machine forget its IDs (elvinto §5.6): whether a batch before it was executed
+        # could then not be found out any more. So its row comes after the end of that batch is in the journal.
+        if ahead is None or (ahead.batch.ends_program and self._open):
             return self._drain()
         if ahead.entry is None or ahead.entry.wire_id != next_id:
             ahead.entry = Entry(self.job_id, ahead.seq, next_id, ahead.batch)
@@ -376,12 +381,11 @@ class Runner:
             self._wishes.waiting = True
             self._wishes.tool = batch.tool
 
-    def _proven(self, event: FateSettled | FateInDoubt, *, at: str) -> None:
-        """Batches that were executed for certain. The machine stands where the last of them ended."""
-        for id in event.done:
-            here = event.position if id == event.done[-1] and isinstance(event, FateSettled) else None
+    def _proven(self, ids: Iterable[int], *, at: str) -> None:
+        """Batches that were executed for certain; each ends where it was planned to, for all that is known."""
+        for id in ids:
             if flight := self._flight(id):
-                self._done(flight, inferred=True, position=here or None, at=at)
+                self._done(flight, inferred=True, position=None, at=at)
 
     def _failed(self, event: BatchFailed, flight: Flight) -> None:
         self._doubt([flight], RowStatus.FAILED)
@@ -403,7 +407,7 @@ class Runner:
         self._stop(Status.FAILED, "alarm", f"The machine is in alarm. {message}".strip())
 
     def _settled(self, event: FateSettled, *, now: float, at: str) -> None:
-        self._proven(event, at=at)
+        self._proven(event.done, at=at)
         undone, self._open = self._open, []
         self._shelve()
         for flight in reversed(undone):
@@ -414,7 +418,7 @@ class Runner:
         self._check_break(now)
 
     def _in_doubt(self, event: FateInDoubt, *, at: str) -> None:
-        self._proven(event, at=at)
+        self._proven(event.done, at=at)
         self._doubt(self._open, RowStatus.DOUBTFUL)
         self._note("fate_in_doubt", done=list(event.done), doubtful=list(event.doubtful), reason=event.reason)
         self._interrupt(Outcome(Status.INTERRUPTED, "in_doubt", event.reason))

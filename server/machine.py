@@ -229,10 +229,7 @@ class Machine:
                 self._ready = True
                 self.metrics.connects += 1
                 self._reconnect.proved()
-            case MachineRestarted():
-                self._ready = False
-                self.own_program = None
-            case ProgramEnded() | StateReported(status="alarm"):
+            case MachineRestarted() | ProgramEnded() | StateReported(status="alarm"):
                 self.own_program = None
             case _:
                 pass

@@ -4,6 +4,7 @@ Runs in a worker, for following a long program takes its time. The one rule: not
 machine or the database.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
@@ -64,27 +65,27 @@ class Planning:
 
     def start(self, piece: Workpiece, row: Row, *, line: int, position: Position, absolute: bool | None) -> Plan:
         """Begin at `line`, the machine standing at `position`. From the middle, the modal state is restored first."""
+        last, encoding = row["end_line"], piece.encoding
         if line <= 1:
-            lines = self._programs.lines(row["program"], 1, row["end_line"])
-            return Plan(self._planner(piece, lines, position=position, absolute=absolute), 1)
-        id, encoding = row["program"], piece.encoding
-        switches = Switches(self._programs.lines(id, 1, line - 1), encoding)
+            lines = self._lines(row, 1, last)
+            return Plan(_opened(self._planner(piece, lines, position=position, absolute=absolute)), 1)
+        switches = Switches(self._lines(row, 1, line - 1), encoding)
         modal = self._planner(piece, switches, absolute=absolute, skip_to=line).modal
-        first = first_block(self._programs.lines(id, line, row["end_line"]), encoding)
+        first = first_block(self._lines(row, line, last), encoding)
         blocks = prologue(modal, switches, piece.profile, first)
-        before = self._programs.lines(id, 1, line - 1)
-        rest = self._programs.lines(id, line, row["end_line"])
-        planner = self._planner(piece, with_prologue(before, line, blocks, rest), absolute=absolute, skip_to=line)
+        lines = with_prologue(self._lines(row, 1, line - 1), line, blocks, self._lines(row, line, last))
+        planner = self._planner(piece, lines, absolute=absolute, skip_to=line)
         planner.relocate(position)
         return Plan(planner, line, tuple(blocks))
 
     def go_on(self, piece: Workpiece, row: Row, *, line: int) -> BatchPlanner:
         """What comes from `line` on, for a machine that executed everything before it and kept its modal state."""
-        lines = self._programs.lines(row["program"], 1, row["end_line"])
         # Whether it began in G90 or G91 is in no journal; without the program saying so, nothing may be left out.
-        planner = self._planner(piece, lines, absolute=None, skip_to=line)
-        planner.modal  # noqa: B018 - follows the lines before, here in the worker
-        return planner
+        return _opened(self._planner(piece, self._lines(row, 1, row["end_line"]), absolute=None, skip_to=line))
+
+    def _lines(self, row: Row, first: int, last: int) -> Iterator[tuple[int, bytes]]:
+        """Opens the file when the first line is wanted, so that a plan that is given up holds nothing open."""
+        yield from self._programs.lines(row["program"], first, last)
 
     def preview(self, plan: Plan) -> list[str]:
         """The first blocks that would go out. The planner is used up by it."""
@@ -126,3 +127,9 @@ class Planning:
             absolute=absolute,
             skip_to=skip_to,
         )
+
+
+def _opened(planner: BatchPlanner) -> BatchPlanner:
+    """Follows the lines before the first, here in the worker: the loop must not wait for that, nor for the disk."""
+    planner.modal  # noqa: B018 - reads as far as the first line
+    return planner

@@ -98,6 +98,8 @@ class Bench:
 
         def open_db(path: Path) -> InlineDb:
             self.databases.append(InlineDb(path, loop, latency_s=self.latency_s))
+            # A crash here is one of the simulated process, never of this computer.
+            self.databases[-1].db.execute("pragma synchronous = off")
             return self.databases[-1]
 
         parts = Parts(
@@ -123,6 +125,8 @@ class Bench:
         self.cable.drop()
         for controller in self.shop.machines.values():
             kill(controller)
+        for task in self.shop.jobs._background._tasks:
+            task.cancel()
         self.shop = None
 
     def executed(self) -> list[str]:
