@@ -79,7 +79,10 @@ class Exchange:
         """Send the phase's message once (more)."""
         assert self._turn is not None
         turn, step = self._turn, self._turn.step
-        id = self._ids.probe() if step.ids == "probe" else self._ids.take(len(turn.ids))
+        # Noise is a garbled answer, so the question was executed; only silence and bare acknowledgements were in vain.
+        turn.in_vain = turn.in_vain + 1 if turn.ids and self._noise_at < turn.asked_at else 0
+        turn.asked_at = now
+        id = self._ids.probe() if step.ids == "probe" else self._ids.take(turn.in_vain)
         if step.awaits == "ready":
             self._greetings += 1
         turn.ids.append(id)

@@ -36,9 +36,9 @@ class Ids:
     def proven(self) -> bool:
         return self._memory == self._next - 1
 
-    def take(self, tries: int = 0) -> int:
-        """The next ID; `tries` is how often the same question was asked in vain."""
-        if tries and tries % TRIES_BEFORE_LEAP == 0:
+    def take(self, in_vain: int = 0) -> int:
+        """The next ID; `in_vain` is how often the same question was not executed, as far as one can tell."""
+        if in_vain and in_vain % TRIES_BEFORE_LEAP == 0:
             leap = 10 ** len(str(self._next))
             self._next = leap if leap <= HIGHEST_ID else self._next
         self._next += 1

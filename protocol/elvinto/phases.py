@@ -1,8 +1,9 @@
 """The engine's phases as a table: what each sends, under which ID, what it waits for, and where it goes.
 
-The diagram in docs/elvinto.md is generated from STEPS and OUTCOMES; a test keeps it true.
+docs/elvinto-phases.md is made from STEPS and OUTCOMES (`python -m protocol.elvinto.phases`); a test keeps it true.
 """
 
+import sys
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Literal
@@ -94,6 +95,8 @@ class Turn:
     began_at: float = 0.0
     rounds: int = 1
     ids: list[int] = field(default_factory=list)
+    asked_at: float = 0.0
+    in_vain: int = 0
     received: bool = False
     ended: bool = False
     state: StateReported | None = None
@@ -142,3 +145,45 @@ class Flight:
     def repeatable(self) -> bool:
         """Whether its repetition needs no care: the end of a program (§5.6), clearing an alarm."""
         return self.batch.ends_program or self.kind == "alarm"
+
+
+def page() -> str:
+    """docs/elvinto-phases.md: the table and its diagram."""
+    rows = [f"| {phase.name} | {phase.value} | {_sends(phase)} |" for phase in Phase]
+    arrows = [(phase, f"answered ({step.awaits})", step.then) for phase, step in STEPS.items() if step.then != phase]
+    arrows += [(phase, "silence", step.on_silence) for phase, step in STEPS.items()]
+    arrows += OUTCOMES
+    lines = sorted({f"    {before.name} --> {after.name}: {why}" for before, why, after in arrows})
+    return "\n".join(
+        (
+            "# The phases of the ElVinto engine",
+            "",
+            "Made from the tables in `protocol/elvinto/phases.py` by `python -m protocol.elvinto.phases`;",
+            "a test keeps it true.",
+            "An emergency stop leads from every phase to IDLE (in alarm), an unasked READY to INIT.",
+            "",
+            "| phase | what the engine does | what it sends |",
+            "| --- | --- | --- |",
+            *rows,
+            "",
+            "```mermaid",
+            "stateDiagram-v2",
+            "    [*] --> INIT: no job is open",
+            "    [*] --> PROBE: a job is open",
+            *lines,
+            "```",
+            "",
+        )
+    )
+
+
+def _sends(phase: Phase) -> str:
+    step = STEPS.get(phase)
+    if step is None:
+        return ""
+    ids = "a new ID each time" if step.ids == "fresh" else "IDs from 1, which only a machine without memory accepts"
+    return f"`{step.message.decode()}` under {ids}"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())

@@ -5,7 +5,6 @@ import math
 import pytest
 
 from protocol.commands import RunBlock, SendBatch
-from protocol.elvinto.phases import Phase
 from protocol.elvinto.settle import Case, RestartProbe
 from protocol.engine import OpenWork
 from protocol.events import (
@@ -343,7 +342,3 @@ class TestVerdicts:
         case.finished(2001)
         assert case.located({"x": 0.0}, 0.01)
         assert case.done == [2001, 2002]
-
-
-def test_every_phase_has_a_name_for_people():
-    assert all(phase.value for phase in Phase)

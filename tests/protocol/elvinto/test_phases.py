@@ -1,0 +1,23 @@
+"""The table of phases: complete, and the page in docs/ made from it."""
+
+from pathlib import Path
+
+from protocol.elvinto.phases import OUTCOMES, STEPS, Phase, page
+
+PAGE = Path(__file__).parents[3] / "docs" / "elvinto-phases.md"
+
+
+def test_the_page_is_made_from_the_table():
+    assert PAGE.read_text(encoding="utf-8") == page(), "run: python -m protocol.elvinto.phases > docs/elvinto-phases.md"
+
+
+def test_every_phase_can_be_reached_and_left():
+    reached = {step.then for step in STEPS.values()} | {step.on_silence for step in STEPS.values()}
+    reached |= {after for _, _, after in OUTCOMES} | {Phase.INIT, Phase.PROBE}
+    assert reached == set(Phase)
+    left = set(STEPS) | {before for before, _, _ in OUTCOMES}
+    assert left == set(Phase) - {Phase.CLOSED}
+
+
+def test_every_phase_has_a_name_for_people():
+    assert len({phase.value for phase in Phase}) == len(Phase)
