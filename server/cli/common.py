@@ -4,8 +4,10 @@ Not a command. The one rule: what a machine, a file or a daemon says is shown th
 the terminal; and a user's mistake is a sentence, never a traceback.
 """
 
+import asyncio
 import json
-from collections.abc import Mapping
+import signal
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -98,3 +100,10 @@ def terminal(*, stderr: bool = False) -> Console:
     if not console.is_terminal:
         console.width = PIPED_COLUMNS
     return console
+
+
+def on_stop_signal(stop: Callable[[], object]) -> None:
+    """Have `stop` called on the running loop at Ctrl-C and SIGTERM."""
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop)

@@ -8,7 +8,6 @@ import asyncio
 import contextlib
 import logging
 import os
-import signal
 import socket
 from collections.abc import AsyncIterator, Callable
 from importlib import import_module
@@ -18,7 +17,7 @@ import typer
 import uvicorn
 
 from server.auth import ExposureError, check_exposure
-from server.cli.common import CliError, ConfigFile, ExitCode, say, warn
+from server.cli.common import CliError, ConfigFile, ExitCode, on_stop_signal, say, warn
 from server.cli.settings import DEFAULT_CONFIG, configuration, database, sole_daemon
 from server.config import Config
 from server.tokens import list_tokens
@@ -129,7 +128,7 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
         try:
             server = _Server(_uvicorn_config(create_app(workshop), config))
             daemon = RunningDaemon(server, asyncio.create_task(server.serve(sockets=[listener])), address(listener))
-            _stop_on_signals(daemon)
+            on_stop_signal(daemon.stop)
             try:
                 yield daemon
             finally:
@@ -155,14 +154,6 @@ def address(listener: socket.socket) -> str:
     if host in ("0.0.0.0", "::"):  # noqa: S104 - compared, not bound
         host = socket.gethostname()
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-
-
-def _stop_on_signals(daemon: RunningDaemon) -> None:
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        # Not on Windows' loops; there Ctrl-C raises KeyboardInterrupt, and asyncio.Runner cancels.
-        with contextlib.suppress(NotImplementedError):
-            loop.add_signal_handler(number, daemon.stop)
 
 
 def _uvicorn_config(app: object, config: Config) -> uvicorn.Config:

@@ -5,13 +5,14 @@ The one rule: this only carries options to `sim.shell`; every machine's settings
 
 import asyncio
 import contextlib
+from collections.abc import Coroutine
 from pathlib import Path
 from typing import Annotated
 from urllib.parse import urlencode
 
 import typer
 
-from server.cli.common import CliError, ExitCode, safe, say
+from server.cli.common import CliError, ExitCode, on_stop_signal, safe, say
 from sim.options import SimOptions, options_from_query
 from sim.shell import run
 
@@ -75,10 +76,17 @@ def elvinto(
         baud=options.baud,
     )
     try:
-        with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(serving)
+        asyncio.run(_until_stopped(serving))
     except (OSError, ValueError) as error:
         raise CliError(ExitCode.FAILED, safe(error)) from error
+
+
+async def _until_stopped(serving: Coroutine[None, None, None]) -> None:
+    """However it is stopped, the link to the pseudo-terminal goes with it."""
+    task = asyncio.create_task(serving)
+    on_stop_signal(task.cancel)
+    with contextlib.suppress(asyncio.CancelledError):
+        await task
 
 
 def _options(named: dict[str, object], pairs: list[str]) -> SimOptions:

@@ -1,5 +1,9 @@
 """sim elvinto: what is handed to the virtual machine."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -52,3 +56,27 @@ def test_a_port_that_cannot_be_had_is_1(millstream: Run, monkeypatch: pytest.Mon
     monkeypatch.setattr(simulator, "run", run)
     outcome = millstream("sim", "elvinto", "--tcp", "127.0.0.1:1")
     assert (outcome.code, outcome.err) == (1, "address already in use\n")
+
+
+@pytest.mark.real
+def test_a_mill_on_a_pty_takes_its_link_along_when_it_is_terminated(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-c",
+        "from server.cli import main; main()",
+        "sim",
+        "elvinto",
+        "--pty",
+        tmp_path / "mill",
+    ]
+    environ = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(command, env=environ, stdout=subprocess.PIPE, text=True) as mill:
+        try:
+            assert mill.stdout is not None
+            assert mill.stdout.readline() == f"virtual ElVinto mill: {tmp_path}/mill\n"
+            assert (tmp_path / "mill").is_symlink()
+            mill.terminate()
+            assert mill.wait(timeout=30) == 0
+        finally:
+            mill.kill()
+    assert list(tmp_path.iterdir()) == []
