@@ -202,9 +202,10 @@ class Flights(Exchange, ABC):
         flight = self._flight
         assert flight is not None
         self._flight = None
-        # A repeated command may have run under an ID that a flipped digit made higher; M30 makes the machine forget.
+        # A repeated command may have run under an ID that a flipped digit made higher; M30 makes the machine forget;
+        # a command by hand leaves it who knows where. Each is followed by the question where it stands.
         once = flight.attempts == 1 and self._case is None
-        if once and not flight.batch.ends_program and flight.kind == "gcode":
+        if once and not flight.batch.ends_program and flight.token is None:
             self._ids.prove(flight.id)
         else:
             self._ids.doubt()

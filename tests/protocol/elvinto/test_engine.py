@@ -23,6 +23,7 @@ from protocol.events import (
     BatchSent,
     CommandDone,
     CommandFailed,
+    FateUnknown,
     FilesListed,
     LinkLost,
     LinkReady,
@@ -270,6 +271,62 @@ class TestBatch:
         scene.say(state("idle", 5))
         assert scene.take(BatchDone) == [BatchDone(batch.id, inferred=True)]
 
+    def test_one_report_at_its_end_stands_for_a_lost_received_and_ok(self):
+        scene = ready()
+        batch = scene.batch("G1X5", end={"x": 5})
+        scene.say(state("idle", 5))
+        scene.answer_position(5)
+        assert scene.take(BatchDone) == [BatchDone(batch.id, inferred=True)]
+
+    def test_a_report_from_where_it_began_says_nothing(self):
+        scene = ready()
+        batch = scene.batch("G1X5", end={"x": 5})
+        scene.say(state("idle", 0))
+        assert scene.wait(0.31)[-1] == (batch.id, "GCODE,DATA<#G1X5")
+
+    def test_what_is_seen_running_is_not_repeated(self):
+        scene = ready()
+        batch = scene.batch("G1X5", end={"x": 5})
+        scene.say(state("run", 1))
+        assert scene.wait(1.9) == []
+        scene.say(state("run", 2))
+        assert scene.wait(1.9) == []
+        scene.say(f"OK,ID<#{batch.id}")
+        assert scene.take(BatchDone) == [BatchDone(batch.id)]
+
+    def test_what_was_seen_running_and_fell_silent_is_looked_into(self):
+        scene = ready()
+        batch = scene.batch("G1X5", end={"x": 5})
+        scene.say(state("run", 1))
+        scene.wait(2.6)
+        assert scene.take(FateUnknown) == [FateUnknown((batch.id,))]
+
+    def test_seen_running_and_idle_is_looked_into(self):
+        scene = ready()
+        batch = scene.batch("G1X5", end={"x": 5})
+        scene.say(state("run", 1), state("idle", 5))
+        assert scene.take(FateUnknown) == [FateUnknown((batch.id,))]
+
+    def test_an_error_of_a_repeated_batch_proves_nothing_of_the_memory(self):
+        scene = ready()
+        batch = scene.batch("G5")
+        scene.wait(0.31)
+        scene.say(f"ERROR,ID<#{batch.id},NUM<#1")
+        assert scene.take(BatchFailed)
+        scene.answer_position()
+        assert scene.engine.free() == 1
+
+    def test_any_other_error_is_counted(self):
+        scene = ready()
+        scene.say("ERROR,ID<#77777,NUM<#1")
+        assert [e.kind for e in scene.take(ProtocolFault)] == ["unknown_id"]
+
+    def test_a_program_end_repeated_while_idle_reports_come_in(self):
+        scene = ready()
+        batch = scene.batch("M30", ends_program=True)
+        scene.say(state("idle"))
+        assert scene.wait(0.31) == [(batch.id, "GCODE,DATA<#M30")]
+
     def test_misuse_raises(self):
         scene = ready()
         with pytest.raises(LocalError, match="out of turn"):
@@ -314,6 +371,8 @@ class TestByHand:
         assert message == "GCODE,DATA<#G91|G1X1F100|G90"
         scene.say(f"RECEIVED,ID<#{id}", f"OK,ID<#{id}")
         assert scene.take(CommandDone) == [CommandDone(5)]
+        scene.answer_position(1)  # where it has come to
+        assert scene.engine.free() == 1
 
     def test_an_error_is_the_answer(self):
         scene = ready()
@@ -387,6 +446,16 @@ class TestEmergency:
         assert [m for _, m in scene.sent()] == ["GCODE,DATA<#W98"]
         scene.say("RECEIVED,ID<#1001")
         assert [type(e) for e in scene.take(CommandDone, LinkReady)] == [CommandDone, LinkReady]
+
+    def test_a_restart_meanwhile_is_followed_by_a_new_handshake_when_the_alarm_is_cleared(self):
+        scene = ready()
+        scene.engine.realtime(EmergencyStop(1), scene.now)
+        scene.sent()
+        scene.say("READY", state("cnscalarm", more=",ALARMNUM<#100"))
+        scene.engine.submit(ClearAlarm(2), scene.now)
+        ((id, _),) = scene.sent()
+        scene.say(f"OK,ID<#{id}")
+        assert scene.sent()[0][1] == "INIT"
 
     def test_on_a_dead_link_it_says_so(self):
         scene = ready()
@@ -464,7 +533,9 @@ class TestSdCard:
         scene.engine.submit(RunFile(6, "a.nc"), scene.now)
         ((id, _),) = scene.sent()
         scene.say(f"OK,ID<#{id}")
-        asked = scene.wait(5)
+        scene.wait(1.5)
+        scene.say(state("run", 1))  # not silent yet
+        asked = scene.wait(5.5)
         assert [m for _, m in asked] == ["GCODE,DATA<#W95"] * 2
         scene.say(state("idle"), state("idle"))
         assert scene.take(ProgramEnded)

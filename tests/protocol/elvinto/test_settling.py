@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from protocol.commands import RunBlock, SendBatch
+from protocol.commands import Locate, RunBlock, SendBatch
 from protocol.elvinto.settle import Case, RestartProbe
 from protocol.engine import OpenWork
 from protocol.events import (
@@ -307,6 +307,59 @@ class TestInMidEpoch:
         scene.wait(2.4)
         settle(scene, 0)
         assert scene.take(CommandFailed, FateSettled, FateInDoubt)[0].token == 5
+
+    def test_running_again_prolongs_the_question(self):
+        scene = self.ready()
+        scene.batch("G1X1", end={"x": 1})
+        scene.wait(0.1)
+        scene.say("HELLO")
+        scene.wait(4)
+        for _ in range(30):
+            scene.wait(1)
+            scene.say(state("run", 0.5))
+        assert scene.take(LinkLost, FateInDoubt) == []
+        settle(scene, 1)
+        assert scene.take(FateSettled)
+
+    def test_a_link_lost_with_a_command_by_hand_in_flight_is_told(self):
+        scene = self.ready()
+        scene.engine.submit(RunBlock(5, ("G1X1",)), scene.now)
+        scene.wait(120)
+        failed, lost = scene.take(CommandFailed, LinkLost)
+        assert "not known" in failed.message
+        assert isinstance(lost, LinkLost)
+
+    def test_a_question_by_hand_is_told_too(self):
+        scene = self.ready()
+        scene.engine.submit(Locate(6), scene.now)
+        scene.wait(120)
+        assert [type(e) for e in scene.take(CommandFailed, LinkLost)] == [CommandFailed, LinkLost]
+
+    def test_a_batch_whose_position_was_asked_for_when_the_link_died_is_done(self):
+        scene = self.ready()
+        sent = scene.batch("G28", locate_after=True)
+        scene.say(f"OK,ID<#{sent.id}")
+        scene.wait(120)
+        assert [type(e) for e in scene.take(BatchDone, LinkLost)] == [BatchDone, LinkLost]
+
+    def test_a_lost_ok_of_a_command_by_hand(self):
+        scene = self.ready()
+        scene.engine.submit(RunBlock(5, ("G1X1",)), scene.now)
+        ((id, _),) = scene.sent()
+        scene.say(f"RECEIVED,ID<#{id}")
+        scene.wait(3.1)
+        scene.say(f"OK,ID<#{id}")
+        assert scene.take(CommandDone) == [CommandDone(5)]
+
+    def test_an_ok_of_a_command_by_hand_whose_fate_was_unknown(self):
+        scene = self.ready()
+        scene.engine.submit(RunBlock(5, ("G1X1",)), scene.now)
+        ((id, _),) = scene.sent()
+        scene.wait(0.1)
+        scene.say("HELLO")
+        scene.wait(1.6)
+        scene.say(f"OK,ID<#{id}")
+        assert scene.take(CommandDone) == [CommandDone(5)]
 
     def test_an_alarm_while_it_is_asked_for_is_doubt(self):
         scene = self.ready()

@@ -1,0 +1,68 @@
+"""The one reading of what a machine is doing."""
+
+from protocol.events import (
+    Alarm,
+    BatchDone,
+    BatchReceived,
+    LinkLost,
+    LinkReady,
+    MachineRestarted,
+    StateReported,
+    ToolRequested,
+)
+from protocol.machine import MachineState, reduce, tool_confirmed
+
+IDLE = MachineState(status="idle", position={"x": 1.0, "y": 2.0}, tool=3)
+
+
+def test_an_event_that_says_nothing_of_the_state_changes_nothing():
+    assert reduce(IDLE, BatchDone(1)) is IDLE
+
+
+def test_a_link_makes_offline_idle_and_the_other_way_round():
+    assert reduce(MachineState(), LinkReady()).status == "idle"
+    assert reduce(IDLE, LinkReady()) is IDLE
+    assert reduce(IDLE, LinkLost("pulled")).status == "offline"
+
+
+def test_an_alarm_outlives_the_handshake_and_ends_with_the_next_report():
+    alarm = reduce(IDLE, StateReported("alarm", {"x": 9.0}, alarm=Alarm(6, "x", "soft limit")))
+    assert reduce(alarm, LinkReady()).status == "alarm"
+    clear = reduce(alarm, StateReported("idle", {}))
+    assert (clear.status, clear.alarm) == ("idle", None)
+
+
+def test_a_report_replaces_what_it_says_and_keeps_the_rest():
+    state = reduce(IDLE, StateReported("run", {"x": 5.0}, feed_mm_min=100.0, absolute=True))
+    state = reduce(state, StateReported("run", {"x": 6.0}, spindle_rpm=9000.0))
+    assert state.position == {"x": 6.0, "y": 2.0}
+    assert (state.feed_mm_min, state.spindle_rpm, state.absolute, state.tool) == (100.0, 9000.0, True, 3)
+
+
+def test_a_restarted_machine_has_no_position_and_no_tool():
+    state = reduce(IDLE, MachineRestarted("READY"))
+    assert (state.position, state.tool, state.status) == ({}, None, "idle")
+
+
+def test_received_means_running():
+    assert reduce(IDLE, BatchReceived(1)).status == "run"
+
+
+def test_a_tool_request_outlives_idle_reports_until_it_is_confirmed():
+    state = reduce(IDLE, ToolRequested(7))
+    assert state.status == "tool"
+    state = reduce(state, StateReported("idle", {"z": 30.0}))
+    assert (state.status, state.tool_requested) == ("tool", 7)
+    confirmed = tool_confirmed(state)
+    assert (confirmed.status, confirmed.tool, confirmed.tool_requested) == ("idle", 7, None)
+    assert tool_confirmed(confirmed) is confirmed
+
+
+def test_a_new_run_or_an_alarm_ends_a_tool_request():
+    state = reduce(reduce(IDLE, ToolRequested(7)), StateReported("run", {}))
+    assert (state.status, state.tool_requested) == ("run", None)
+
+
+def test_a_tool_confirmed_while_it_is_running_changes_no_status():
+    state = MachineState(status="run", tool_requested=2)
+    assert tool_confirmed(state).status == "run"
