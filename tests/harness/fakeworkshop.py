@@ -186,18 +186,26 @@ class FakePrograms(Recording):
         self.kept: dict[str, bytes] = {}
         self.taken_bytes = 0
         self.largest_piece = 0
+        self.broken_off = False
 
     async def store(self, chunks: AsyncIterator[bytes], name: str) -> tuple[Json, bool]:
         self.note("store", name)
         content = bytearray()
+        try:
+            await self._take(chunks, content)
+        except BaseException:
+            self.broken_off = True
+            raise
+        self.kept[name] = bytes(content)
+        return await self.get(PROGRAM_ID) | {"name": name, "bytes": len(content)}, True
+
+    async def _take(self, chunks: AsyncIterator[bytes], content: bytearray) -> None:
         async for chunk in chunks:
             self.taken_bytes += len(chunk)
             self.largest_piece = max(self.largest_piece, len(chunk))
             content += chunk
             if self.full_after_bytes is not None and self.taken_bytes > self.full_after_bytes:
                 raise ProblemError("disk_full", "The disk is full; nothing was kept.")
-        self.kept[name] = bytes(content)
-        return await self.get(PROGRAM_ID) | {"name": name, "bytes": len(content)}, True
 
     async def list(self) -> list[Json]:
         return [await self.get(PROGRAM_ID)]
