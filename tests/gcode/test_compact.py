@@ -26,7 +26,9 @@ def compacted(*lines: str) -> list[str]:
         # Without G90 said, an unchanged coordinate may be a way.
         (["G1 X1 Y1", "G1 X1 Y2"], ["G1X1Y1", "X1Y2"]),
         (["G90", "G91 G1 X1 Y1", "G1 X1 Y1"], ["G90", "G91G1X1Y1", "X1Y1"]),
+        (["G90 G1 X1 Y1", "G91 X5", "G90 X1 Y3"], ["G90G1X1Y1", "G91X5", "G90X1Y3"]),
         # Where an arc ends, the machine's arithmetic says.
+        (["G90 G1 X0 Y0", "G2 X5 Y0 I2.5 J0", "G1 X0 Y5"], ["G90G1X0Y0", "G2X5Y0I2.5J0", "G1X0Y5"]),
         (["G90 G1 X0 Y0", "G2 X5 Y0 I2.5 J0", "G1 X5 Y5"], ["G90G1X0Y0", "G2X5Y0I2.5J0", "G1X5Y5"]),
         (["G2 X1 Y1 R5", "G2 X2 Y2 R5", "G2 I5"], ["G2X1Y1R5", "X2Y2R5", "G2I5"]),
         # Barriers and everything unusual: nothing is known afterwards but G90.

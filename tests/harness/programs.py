@@ -45,7 +45,7 @@ def _block(*words: str | None) -> str:
 move_blocks = st.builds(
     lambda motion, distance, axes, feed: _block(motion, distance, *axes, feed),
     st.none() | motion_words,
-    st.none() | st.none() | st.none() | distance_words,
+    st.none() | distance_words,
     st.lists(axis_words, max_size=3),
     st.none() | feed_words,
 )
