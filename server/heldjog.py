@@ -6,7 +6,7 @@ that the machine stands still within one step after a key, a browser or a networ
 
 import asyncio
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -41,8 +41,8 @@ class _Held:
 class HeldJogs:
     """All held jogs of the daemon: one for a machine at most, and each belongs to one socket."""
 
-    def __init__(self, machines: Mapping[str, Jogger]) -> None:
-        self._machines = machines
+    def __init__(self, machine: Callable[[str], Jogger]) -> None:
+        self._machine = machine
         self._held: dict[str, _Held] = {}
 
     async def beat(self, machine: str, owner: object, axes: Mapping[str, float], feed: float) -> None:
@@ -98,7 +98,7 @@ class HeldJogs:
         loop = asyncio.get_running_loop()
         while loop.time() < held.alive_until:
             try:
-                await self._machines[machine].jog(step(held.axes, held.feed), held.feed)
+                await self._machine(machine).jog(step(held.axes, held.feed), held.feed)
             except ProblemError as problem:
                 if problem.code != "machine_busy" or not held.started.done():
                     raise
@@ -111,7 +111,7 @@ class HeldJogs:
     def _forget(self, machine: str, held: _Held) -> None:
         if self._held.get(machine) is held:
             del self._held[machine]
-            self._machines[machine].cancel_jog()
+            self._machine(machine).cancel_jog()
 
 
 def step(axes: Mapping[str, float], feed: float) -> dict[str, float]:

@@ -20,6 +20,7 @@ from sqlite_utils import Database
 from protocol.errors import MillstreamError
 from server.auth import GRANTABLE, LOCAL_USER, Principal, Role, Sessions, digest, is_loopback
 from server.hub import rfc3339, utc_now
+from server.problems import ProblemError
 
 logger = logging.getLogger(__name__)
 
@@ -229,7 +230,7 @@ class TokenStore:
         async def watched() -> None:
             try:
                 await work
-            except sqlite3.Error:
+            except (sqlite3.Error, ProblemError):  # a full disk, and what the database thread makes of it
                 logger.exception("the table of tokens could not be read or written")
 
         task = asyncio.get_running_loop().create_task(watched())

@@ -290,7 +290,7 @@ def _bounded(id_: Any) -> str | int | None:
 
 def install(app: FastAPI, services: Services) -> None:
     """The route of the WebSocket."""
-    held = HeldJogs(services.machines)
+    held = HeldJogs(lambda name: find(services, name))
 
     @requires(Role.VIEWER)
     async def events(socket: WebSocket) -> None:

@@ -1,20 +1,44 @@
 """The ASGI application: all routes behind the guard.
 
-Not the server that speaks HTTP (uvicorn). The one rule: nothing is added to the application but here.
+Not the server that speaks HTTP (uvicorn). The one rule: what takes long is done here, before anything is served: the
+loop that answers requests also keeps the machines, and describing all routes takes it a good part of a second.
 """
 
+from functools import cache
 from importlib.metadata import version
+from typing import cast
 
 from fastapi import FastAPI
 
 from server import ws
 from server.api import access, capabilities, jobs, machines, problems, programs, system
 from server.api.guard import Guard, HostRule
+from server.api.openapi import document
 from server.api.services import Services
+from server.auth import Principal
+from server.jsontext import dumps
 
 
 def build(services: Services) -> FastAPI:
-    """Put the application together."""
+    """Put the application together. Of `services` only the configuration must be there already."""
+    app = _routes(services)
+    settings = services.config.server
+
+    async def identify(*, bearer: str | None, cookie: str | None) -> Principal | None:
+        return await services.tokens.identify(bearer=bearer, cookie=cookie)
+
+    app.add_middleware(Guard, hosts=HostRule(settings.host, settings.allowed_hosts), identify=identify)
+    description()
+    return app
+
+
+@cache
+def description() -> str:
+    """The OpenAPI document as text. It depends on no workshop, so one is made for all."""
+    return dumps(document(_routes(cast(Services, None))))
+
+
+def _routes(services: Services) -> FastAPI:
     app = FastAPI(
         title="millstream",
         version=version("millstream"),
@@ -24,8 +48,7 @@ def build(services: Services) -> FastAPI:
         redirect_slashes=False,
     )
     problems.install(app)
-    for part in (system, access, machines, capabilities, programs, jobs, ws):
+    system.install(app, services, description)
+    for part in (access, machines, capabilities, programs, jobs, ws):
         part.install(app, services)
-    settings = services.config.server
-    app.add_middleware(Guard, hosts=HostRule(settings.host, settings.allowed_hosts), identify=services.tokens.identify)
     return app

@@ -22,13 +22,7 @@ FRAMEWORK_SCHEMAS = ("HTTPValidationError", "ValidationError")
 
 
 def document(app: FastAPI) -> dict[str, Any]:
-    """The document, built once."""
-    if app.openapi_schema is None:
-        app.openapi_schema = _build(app)
-    return app.openapi_schema
-
-
-def _build(app: FastAPI) -> dict[str, Any]:
+    """The document of an application with all routes."""
     built = get_openapi(
         title=app.title, version=app.version, description=f"{DESCRIPTION}\n{SOCKET_TEXT}", routes=app.routes
     )

@@ -5,6 +5,7 @@ joining a path from a request.
 """
 
 import mimetypes
+from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
@@ -15,7 +16,6 @@ from fastapi import FastAPI, Path, Request
 from starlette.responses import Response
 
 from server.api.models import Health
-from server.api.openapi import document
 from server.api.routing import Routes, json_response
 from server.api.services import Services
 from server.auth import Role
@@ -32,10 +32,10 @@ MEDIA_TYPES = {
 """What `mimetypes` reads from the system differs between systems; scripts are refused under another type."""
 
 
-def install(app: FastAPI, services: Services) -> None:
-    """The routes outside the machines."""
+def install(app: FastAPI, services: Services, describe: Callable[[], str]) -> None:
+    """The routes outside the machines. `describe` gives the OpenAPI document as text."""
     _watching(app, services)
-    _documentation(app)
+    _documentation(app, describe)
     _pages(app)
 
 
@@ -62,13 +62,13 @@ def _watching(app: FastAPI, services: Services) -> None:
         return Response(text, media_type=METRICS_MEDIA_TYPE)
 
 
-def _documentation(app: FastAPI) -> None:
+def _documentation(app: FastAPI, describe: Callable[[], str]) -> None:
     routes = Routes(app, "daemon")
     content = {"application/json": {"schema": {"type": "object"}, "example": {"openapi": "3.1.0"}}}
 
     @routes.add("GET", "/openapi.json", role=Role.PUBLIC, summary="This description of the API", content=content)
     async def openapi_json() -> Response:
-        return json_response(document(app))
+        return Response(describe(), media_type="application/json")
 
 
 def _pages(app: FastAPI) -> None:

@@ -17,7 +17,7 @@ class Bench:
 
     def __init__(self, *, answers_at_once: bool = False) -> None:
         self.machine = FakeMachine("router")
-        self.held = HeldJogs({"router": self.machine})
+        self.held = HeldJogs(lambda name: {"router": self.machine}[name])
         self.began_at: list[float] = []
         self.busy_until = 0.0
         self.answers_at_once = answers_at_once
@@ -75,7 +75,7 @@ def test_letting_go_ends_it_at_once() -> None:
 def test_closing_the_socket_ends_all_of_its_jogs_and_no_others() -> None:
     async def main() -> None:
         machines = {name: FakeMachine(name) for name in ("one", "two", "three")}
-        held = HeldJogs(machines)
+        held = HeldJogs(machines.__getitem__)
         await held.beat("one", ME, {"x": 1}, FEED)
         await held.beat("two", ME, {"x": 1}, FEED)
         await held.beat("three", SOMEBODY_ELSE, {"x": 1}, FEED)

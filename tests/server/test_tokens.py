@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from server.auth import LOCAL_USER, Role
+from server.problems import ProblemError
 from server.tokens import (
     NOTE_USE_EVERY_S,
     PREFIX,
@@ -188,13 +189,16 @@ def test_a_token_revoked_by_another_process_ends_within_the_refresh() -> None:
     run(main())
 
 
-def test_known_tokens_never_wait_for_the_database() -> None:
+@pytest.mark.parametrize(
+    "trouble", [sqlite3.OperationalError("database is locked"), ProblemError("disk_full", "The disk is full.")]
+)
+def test_known_tokens_never_wait_for_the_database(trouble: Exception) -> None:
     class Stuck(MemoryDatabase):
         stuck = False
 
         async def run(self, fn: Any, *args: Any) -> Any:
             if self.stuck:
-                raise sqlite3.OperationalError("database or disk is full")
+                raise trouble
             return await super().run(fn, *args)
 
     async def main() -> None:

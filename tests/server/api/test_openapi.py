@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from server.api.application import description
 from server.api.messages import SOCKET_TEXT, Jog, JogStop, Subscribe, Verb
 from server.problems import CODES
 from tests.harness.fakeworkshop import FakeWorkshop
@@ -119,6 +120,18 @@ def test_bodies_have_a_schema_and_an_example(method: str, path: str, operation: 
 def test_parameters_are_described(method: str, path: str, operation: dict[str, Any]) -> None:
     for parameter in operation.get("parameters", ()):
         assert parameter["description"], parameter["name"]
+
+
+def test_it_is_made_before_anybody_asks() -> None:
+    """Making it takes half a second of the loop that keeps the machines."""
+    description.cache_clear()
+
+    async def main() -> None:
+        async with FakeWorkshop() as workshop:
+            workshop.app()
+
+    run(main())
+    assert description.cache_info().currsize == 1
 
 
 def test_nothing_of_the_framework_is_in_it() -> None:
