@@ -137,6 +137,12 @@ class BatchPlanner:
         self._skip()
         return self._tracker.modal
 
+    @property
+    def in_inches(self) -> bool:
+        """Whether the program is in G20 there and being converted; `modal` and all that is planned is in mm."""
+        self._skip()
+        return self._inches is not None and self._inches.active
+
     def relocate(self, position: Position) -> None:
         """The machine's own account of its position: before the first batch, or after a barrier.
 

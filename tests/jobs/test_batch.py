@@ -144,6 +144,16 @@ def test_block_delete_and_inches() -> None:
     assert batch.end["x"] == 25.4
 
 
+def test_skipping_into_inches() -> None:
+    program = "G90 G1 X1 F9|G20 F10|X2|G21|X3"
+    in_inches = [planner(program, convert_inches=True, skip_to=line).in_inches for line in (2, 3, 4, 5)]
+    assert in_inches == [False, True, True, False]
+    source = planner(program, convert_inches=True, skip_to=3)
+    assert source.modal.feed_mm_min == 254
+    assert blocks(drain(source))[0].startswith("X50.8")
+    assert not planner(program, skip_to=3).in_inches
+
+
 # --- ends that can be told apart after a crash (elvinto §5.4) ----------------------------------------------------
 
 
