@@ -1,34 +1,13 @@
-"""What a runner holds in its hands: rows with the machine, the batch ahead, what it inherits and how it stopped.
+"""What a runner holds in its hands: what it inherits, what people want of it and how it stopped.
 
 Plain data of jobs/runner.py; no behaviour and no rule of its own.
 """
 
 from dataclasses import dataclass
 
-from jobs.batch import PlannedBatch
 from jobs.effects import Entry
 from jobs.job import JobError, Status
 from protocol.commands import Position, SendBatch
-
-
-@dataclass(slots=True)
-class Flight:
-    """A row that is, or may be, with the machine."""
-
-    entry: Entry
-    attempts: int = 0
-    sent_at: str | None = None
-    received_at: str | None = None
-
-
-@dataclass(slots=True)
-class Ahead:
-    """The next batch. `entry` once its row was emitted, `durable` once that row is."""
-
-    batch: PlannedBatch
-    seq: int
-    entry: Entry | None = None
-    durable: bool = False
 
 
 @dataclass(frozen=True, slots=True)

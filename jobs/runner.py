@@ -12,18 +12,16 @@ The engine finds out by the machine's ID memory and by the position (elvinto §5
 """
 
 import math
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
-from jobs.batch import PlannedBatch
-from jobs.cursor import Cursor
-from jobs.effects import Effect, Entry, JournalBatch, MarkBatch, Note, RowStatus, SetHold, SetStatus, Submit
-from jobs.flight import Adopted, Ahead, Flight, Inheritance, LinkSide, Outcome, Wishes
+from jobs.effects import Effect, Entry, JournalBatch, Note, RowStatus, SetHold, SetStatus, Submit
+from jobs.feed import Ahead, BatchSource, Feed
+from jobs.flight import Adopted, Inheritance, LinkSide, Outcome, Wishes
 from jobs.job import ENDED, JobError, Status
+from jobs.ledger import Flight, Ledger
 from protocol.commands import Position
-from protocol.errors import LocalError
 from protocol.events import (
     BatchDone,
     BatchFailed,
@@ -38,17 +36,6 @@ from protocol.events import (
     StateReported,
 )
 
-
-class BatchSource(Protocol):
-    """Where batches come from: jobs.batch.BatchPlanner."""
-
-    def next(self) -> PlannedBatch | None:
-        """The next batch, None at the end. Raises LocalError for a line that cannot be sent, OSError for the file."""
-
-    def relocate(self, position: Position) -> None:
-        """The true position after a batch whose effect could not be computed."""
-
-
 MACHINE_GONE = Outcome(
     Status.INTERRUPTED, "machine_restarted", "The machine restarted in the middle of the job: its position is unknown."
 )
@@ -56,25 +43,16 @@ MACHINE_GONE = Outcome(
 
 @dataclass(slots=True)
 class Runner:
-    """One job. `source` yields what comes after the open rows, and may be supplied later; times in `now` are the
-    engine's clock in seconds."""
+    """One job. `feed` yields what comes after the open rows; times in `now` are the engine's clock in seconds."""
 
     job_id: int
-    source: BatchSource | None
     resume_within_s: float
-    cursor: Cursor = field(default_factory=Cursor)
-    position: Position = field(default_factory=dict)
-    next_seq: int = 1
+    feed: Feed
+    ledger: Ledger = field(default_factory=Ledger)
     announced: Status = Status.CHECKING
     restarted: bool = False
-    seconds_done: float = 0.0
     _wishes: Wishes = field(default_factory=Wishes)
     _link: LinkSide = field(default_factory=LinkSide)
-    _open: list[Flight] = field(default_factory=list)
-    _doubtful: list[Flight] = field(default_factory=list)
-    _ahead: Ahead | None = None
-    _backlog: deque[PlannedBatch] = field(default_factory=deque)
-    _last: Outcome | None = None
     _outcome: Outcome | None = None
     _told: tuple[Any, ...] = ()
     _effects: list[Effect] = field(default_factory=list)
@@ -85,12 +63,13 @@ class Runner:
         self.restarted = past.restarted
         self._link.last_life_at = last_life_at
         self._wishes = Wishes(hold=past.hold, tool=past.tool, waiting=past.status is Status.WAITING)
-        self._open = [Flight(entry) for entry in past.open]
+        self.ledger.open = [Flight(entry) for entry in past.open]
         if any(entry.batch.ends_program for entry in past.open):
-            self._last = Outcome(Status.COMPLETED)
+            self.feed.end = Outcome(Status.COMPLETED)
         if past.status is Status.INTERRUPTED:
             error = past.error or JobError("in_doubt", "The job was interrupted.")
             self._outcome = Outcome(Status.INTERRUPTED, error.code, error.message)
+            self.ledger.inherit_doubt(error.line_from, error.line_to)
         return self._drain()
 
     # --- what is derived --------------------------------------------------------------------------------------
@@ -102,7 +81,7 @@ class Runner:
             return self._outcome.status
         if self._wishes.waiting:
             return Status.WAITING
-        if self._wishes.hold and not self._open:
+        if self._wishes.hold and not self.ledger.open:
             return Status.PAUSED
         return Status.RUNNING
 
@@ -111,15 +90,12 @@ class Runner:
         """What went wrong, with the lines that are in doubt."""
         if self._outcome is None or not self._outcome.code:
             return None
-        lines = self._doubtful + self._open
-        first = min((flight.entry.batch.first_line for flight in lines), default=None)
-        last = max((flight.entry.batch.last_line for flight in lines), default=None)
-        return JobError(self._outcome.code, self._outcome.message, first, last)
+        return JobError(self._outcome.code, self._outcome.message, *self.ledger.lines_in_doubt())
 
     @property
     def over(self) -> bool:
         """The job has ended and nothing more will be learnt about it."""
-        return self.status in ENDED and not self._open
+        return self.status in ENDED and not self.ledger.open
 
     @property
     def holding(self) -> bool:
@@ -138,7 +114,7 @@ class Runner:
     @property
     def flights(self) -> tuple[Flight, ...]:
         """The rows that are with the machine, or may be."""
-        return tuple(self._open)
+        return tuple(self.ledger.open)
 
     @property
     def _goes_on(self) -> bool:
@@ -159,8 +135,8 @@ class Runner:
         """
         deadline = self.deadline()
         return Inheritance(
-            tuple(flight.entry.command() for flight in self._open),
-            dict(self.position),
+            tuple(flight.entry.command() for flight in self.ledger.open),
+            dict(self.ledger.position),
             -math.inf if deadline is None else deadline,
         )
 
@@ -173,14 +149,12 @@ class Runner:
 
     def supply(self, source: BatchSource) -> None:
         """What comes after everything that is open: it is made aside, for reading a long program takes its time."""
-        batches = [flight.entry.batch for flight in self._open] + list(self._backlog)
-        source.relocate(batches[-1].end if batches else self.position)
-        self.source = source
+        behind = [flight.entry.batch for flight in self.ledger.open]
+        self.feed.supply(source, behind=behind, position=self.ledger.position)
 
-    def unreadable(self, reason: str) -> list[Effect]:
+    def unreadable(self, reason: str) -> None:
         """There will be no source: the job fails when what is open has ended."""
-        self._last = self._last or Outcome(Status.FAILED, "program_missing", reason)
-        return self._drain()
+        self.feed.unreadable(reason)
 
     def pause(self) -> list[Effect]:
         """Stand still after the batch in flight."""
@@ -212,12 +186,12 @@ class Runner:
             self._shelve()
         if self._outcome is not None and self._outcome.status is Status.INTERRUPTED:
             self._outcome = Outcome(Status.CANCELLED, self._outcome.code, self._outcome.message)
-            self._doubt(self._open, RowStatus.DOUBTFUL)
-        elif not self._open:
+            self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
+        elif not self.ledger.open:
             self._stop(Status.CANCELLED)
         elif not self._link.up:
             self._stop(Status.CANCELLED, "cancelled_in_doubt", "Cancelled while the machine could not be asked.")
-            self._doubt(self._open, RowStatus.DOUBTFUL)
+            self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
         return self._drain()
 
     def emergency(self) -> list[Effect]:
@@ -227,7 +201,7 @@ class Runner:
 
     def forget(self) -> list[Effect]:
         """What is open will never be known: the machine is about to be told to forget."""
-        self._doubt(self._open, RowStatus.DOUBTFUL)
+        self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
         return self._drain()
 
     # --- the link ---------------------------------------------------------------------------------------------
@@ -239,7 +213,7 @@ class Runner:
         self._link.up = False
         self._shelve()
         if self.status in ENDED:
-            self._doubt(self._open, RowStatus.DOUBTFUL)
+            self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
         elif self._wishes.cancel:
             return self.cancel()
         return self._drain()
@@ -252,15 +226,13 @@ class Runner:
     def handle(self, event: Event, *, now: float, at: str) -> list[Effect]:
         """What the engine reports. `at` is the time for people."""
         match event:
-            case BatchSent(id=id, attempt=attempt) if flight := self._flight(id):
-                flight.attempts = attempt
-                flight.sent_at = flight.sent_at or at
-            case BatchReceived(id=id) if flight := self._flight(id):
-                flight.received_at = flight.received_at or at
-                self.cursor = self.cursor.was_received(flight.entry.batch.last_line)
-            case BatchDone(id=id, inferred=inferred, position=position) if flight := self._flight(id):
+            case BatchSent(id=id, attempt=attempt) if flight := self.ledger.flight(id):
+                self.ledger.sent(flight, attempt, at)
+            case BatchReceived(id=id) if flight := self.ledger.flight(id):
+                self.ledger.received(flight, at)
+            case BatchDone(id=id, inferred=inferred, position=position) if flight := self.ledger.flight(id):
                 self._done(flight, inferred=inferred, position=position, at=at)
-            case BatchFailed() if flight := self._flight(event.id):
+            case BatchFailed() if flight := self.ledger.flight(event.id):
                 self._failed(event, flight)
             case StateReported(status="alarm", alarm=alarm):
                 self._alarm("" if alarm is None else alarm.message)
@@ -282,101 +254,54 @@ class Runner:
 
     # --- going on ---------------------------------------------------------------------------------------------
 
-    def journaled(self, seq: int, wire_id: int) -> None:
-        """The row is durable under this ID."""
-        ahead = self._ahead
-        if ahead is not None and ahead.seq == seq and ahead.entry is not None and ahead.entry.wire_id == wire_id:
-            ahead.durable = True
-
     def advance(self, next_id: int, *, free: bool) -> list[Effect]:
         """What can be done now. Call again after carrying it out, until there is nothing.
 
         `next_id` is the engine's; when it has moved since the row was written, the row is written again.
         """
-        if self._wishes.cancel and not self._open:
+        if self._wishes.cancel and not self.ledger.open:
             self._stop(Status.CANCELLED)
         if not self._link.up or not self._goes_on:
             return self._drain()
-        self._plan()
-        ahead = self._ahead
+        ahead = self._plan()
         # The end of a program makes the machine forget its IDs (elvinto §5.6): whether a batch before it was executed
         # could then not be found out any more. So its row comes after the end of that batch is in the journal.
-        if ahead is None or (ahead.batch.ends_program and self._open):
+        if ahead is None or (ahead.batch.ends_program and self.ledger.open):
             return self._drain()
         if ahead.entry is None or ahead.entry.wire_id != next_id:
             ahead.entry = Entry(self.job_id, ahead.seq, next_id, ahead.batch)
             ahead.durable = False
             self._emit(JournalBatch(ahead.entry))
-        elif free and ahead.durable and not self._open:
-            self._ahead = None
-            self._open.append(Flight(ahead.entry))
-            self.cursor = self.cursor.was_sent(ahead.batch.last_line)
+        elif free and ahead.durable and not self.ledger.open:
+            self.feed.ahead = None
+            self.ledger.submit(ahead.entry)
             self._emit(Submit(ahead.entry.command()))
         return self._drain()
 
-    def _plan(self) -> None:
+    def _plan(self) -> Ahead | None:
         """One batch ahead, but never past one whose effect must be known first (elvinto §7, barriers)."""
-        if self._ahead is not None or any(flight.entry.batch.barrier for flight in self._open):
-            return
-        batch = self._backlog.popleft() if self._backlog else self._read()
-        if batch is not None:
-            self.cursor = self.cursor.was_read(batch.last_line)
-            self._ahead = Ahead(batch, self.next_seq)
-            self.next_seq += 1
-        elif self._last is not None and not self._open:
-            self._stop(self._last.status, self._last.code, self._last.message)
-
-    def _read(self) -> PlannedBatch | None:
-        """The next batch of the source; when there is none, `_last` says how the job ends."""
-        if self._last is not None or self.source is None:
+        if any(flight.entry.batch.barrier for flight in self.ledger.open):
             return None
-        try:
-            batch = self.source.next()
-        except LocalError as error:
-            self._last = Outcome(Status.FAILED, "not_plannable", str(error))
-            return None
-        except OSError as error:
-            self._last = Outcome(Status.FAILED, "program_missing", f"The program cannot be read: {error}")
-            return None
-        if batch is None or batch.ends_program:
-            # What stands behind the end of a program (M30, M99) is not part of it.
-            self._last = Outcome(Status.COMPLETED)
-        return batch
+        ahead, end = self.feed.plan(), self.feed.end
+        if ahead is not None:
+            self.ledger.cursor = self.ledger.cursor.was_read(ahead.batch.last_line)
+        elif end is not None and not self.ledger.open:
+            self._stop(end.status, end.code, end.message)
+        return ahead
 
     def _shelve(self) -> None:
-        """Put the batch ahead back: it was never sent, and its row says so before anything else is written."""
-        ahead, self._ahead = self._ahead, None
-        if ahead is None:
-            return
-        if ahead.entry is not None:
-            self._emit(MarkBatch(ahead.entry, RowStatus.UNSENT, self.cursor.done))
-        self._backlog.appendleft(ahead.batch)
+        """Take the batch ahead back: its row says that it was never sent, before anything else is written."""
+        entry = self.feed.shelve()
+        if entry is not None:
+            self._emit(self.ledger.unsent(entry))
 
     # --- evidence ---------------------------------------------------------------------------------------------
 
-    def _flight(self, id: int) -> Flight | None:
-        return next((flight for flight in self._open if flight.entry.wire_id == id), None)
-
     def _done(self, flight: Flight, *, inferred: bool, position: Position | None, at: str) -> None:
         batch = flight.entry.batch
-        self._open.remove(flight)
-        self.cursor = self.cursor.was_done(batch.last_line)
-        self.seconds_done += batch.seconds
-        self.position = dict(batch.end if position is None else position)
-        if batch.locate_after and self.source is not None:
-            self.source.relocate(self.position)
-        mark = MarkBatch(
-            flight.entry,
-            RowStatus.OK,
-            self.cursor.done,
-            attempts=flight.attempts,
-            inferred=inferred,
-            sent_at=flight.sent_at,
-            received_at=flight.received_at,
-            ok_at=at,
-            end=self.position,
-        )
-        self._emit(mark)
+        self._emit(self.ledger.done(flight, inferred=inferred, position=position, at=at))
+        if batch.locate_after:
+            self.feed.relocate(self.ledger.position)
         if batch.tool_change:
             self._wishes.waiting = True
             self._wishes.tool = batch.tool
@@ -384,7 +309,7 @@ class Runner:
     def _proven(self, ids: Iterable[int], *, at: str) -> None:
         """Batches that were executed for certain; each ends where it was planned to, for all that is known."""
         for id in ids:
-            if flight := self._flight(id):
+            if flight := self.ledger.flight(id):
                 self._done(flight, inferred=True, position=None, at=at)
 
     def _failed(self, event: BatchFailed, flight: Flight) -> None:
@@ -408,36 +333,21 @@ class Runner:
 
     def _settled(self, event: FateSettled, *, now: float, at: str) -> None:
         self._proven(event.done, at=at)
-        undone, self._open = self._open, []
         self._shelve()
-        for flight in reversed(undone):
-            self._emit(self._end(flight, RowStatus.UNDONE))
-            self._backlog.appendleft(flight.entry.batch)
-        self.cursor = self.cursor.fell_back(self.cursor.done)
+        marks, undone = self.ledger.undo()
+        self._emit(*marks)
+        self.feed.put_back(undone)
         self._note("fate_settled", done=list(event.done), undone=list(event.undone), position=dict(event.position))
         self._check_break(now)
 
     def _in_doubt(self, event: FateInDoubt, *, at: str) -> None:
         self._proven(event.done, at=at)
-        self._doubt(self._open, RowStatus.DOUBTFUL)
+        self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
         self._note("fate_in_doubt", done=list(event.done), doubtful=list(event.doubtful), reason=event.reason)
         self._interrupt(Outcome(Status.INTERRUPTED, "in_doubt", event.reason))
 
     def _doubt(self, flights: Iterable[Flight], status: RowStatus) -> None:
-        for flight in tuple(flights):
-            self._open.remove(flight)
-            self._doubtful.append(flight)
-            self._emit(self._end(flight, status))
-
-    def _end(self, flight: Flight, status: RowStatus) -> MarkBatch:
-        return MarkBatch(
-            flight.entry,
-            status,
-            self.cursor.done,
-            attempts=flight.attempts,
-            sent_at=flight.sent_at,
-            received_at=flight.received_at,
-        )
+        self._emit(*self.ledger.doubt(flights, status))
 
     # --- stopping ---------------------------------------------------------------------------------------------
 
@@ -463,8 +373,8 @@ class Runner:
     def _note(self, kind: str, **data: Any) -> None:
         self._emit(Note(kind, data))
 
-    def _emit(self, effect: Effect) -> None:
-        self._effects.append(effect)
+    def _emit(self, *effects: Effect) -> None:
+        self._effects.extend(effects)
 
     def _drain(self) -> list[Effect]:
         status = self.status
@@ -472,7 +382,12 @@ class Runner:
         if told != self._told and not (status is self.announced and not self._told):
             self._emit(
                 SetStatus(
-                    self.announced, status, self.cursor.done, error=self.error, tool=self.tool, restarted=self.restarted
+                    self.announced,
+                    status,
+                    self.ledger.cursor.done,
+                    error=self.error,
+                    tool=self.tool,
+                    restarted=self.restarted,
                 )
             )
             self.announced = status

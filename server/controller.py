@@ -167,15 +167,9 @@ class Controller(Machine):
         if self.manual.waiting:
             raise ProblemError("machine_busy", f"{self.name} still executes the move before.")
         words = " ".join(f"{axis.upper()}{_number(way)}" for axis, way in sorted(axes.items()))
-        move = f"G1 {words} F{_number(feed)}"
-        match self.state.absolute:
-            case False:
-                blocks: tuple[str, ...] = (move,)
-            case True:
-                blocks = ("G91", move, "G90")
-            case None:
-                blocks = ("W70", "G91", move, "W71")  # the machine itself remembers its mode (elvinto §6)
-        self._put_block(blocks, droppable=True)
+        # The machine itself remembers its mode and restores it (elvinto §6). STATE in the middle of a jog says G91,
+        # so what it says is no base for the next one.
+        self._put_block(("W70", "G91", f"G1 {words} F{_number(feed)}", "W71"), droppable=True)
 
     async def list_files(self) -> dict[str, Any]:
         """The root folder of the SD card. Raises ProblemError."""

@@ -195,7 +195,7 @@ class JobStream:
 
     def _journal(self, runner: Runner, entry: Entry) -> None:
         def durable() -> None:
-            runner.journaled(entry.seq, entry.wire_id)
+            runner.feed.journaled(entry.seq, entry.wire_id)
             if self.runner is runner:
                 self.react([])
 

@@ -73,8 +73,8 @@ class Planning:
         modal = self._planner(piece, switches, absolute=absolute, skip_to=line).modal
         first = first_block(self._lines(row, line, last), encoding)
         blocks = prologue(modal, switches, piece.profile, first)
-        lines = with_prologue(self._lines(row, 1, line - 1), line, blocks, self._lines(row, line, last))
-        planner = self._planner(piece, lines, absolute=absolute, skip_to=line)
+        whole = with_prologue(self._lines(row, 1, line - 1), line, blocks, self._lines(row, line, last))
+        planner = self._planner(piece, whole, absolute=absolute, skip_to=line)
         planner.relocate(position)
         return Plan(planner, line, tuple(blocks))
 

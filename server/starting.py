@@ -13,8 +13,10 @@ from jobs import journal, store
 from jobs.batch import PlanError
 from jobs.cursor import Cursor
 from jobs.effects import SetStatus
+from jobs.feed import Feed
 from jobs.flight import Adopted
 from jobs.job import JobError, Status
+from jobs.ledger import Ledger
 from jobs.program import UnknownProgramError
 from jobs.restart import CannotStartError
 from jobs.runner import Runner
@@ -124,13 +126,14 @@ class Starter:
         """Give the machine to the job. Nothing is awaited since the check that it may."""
         runner = Runner(
             row["id"],
-            plan.planner,
             controller.config.resume_within,
-            cursor=Cursor.at(max(plan.line, row["start_line"]) - 1),
-            position=dict(controller.state.position),
-            next_seq=next_seq,
+            Feed(plan.planner, next_seq),
+            Ledger(
+                cursor=Cursor.at(max(plan.line, row["start_line"]) - 1),
+                position=dict(controller.state.position),
+                seconds_done=seconds,
+            ),
             announced=before,
-            seconds_done=seconds,
         )
         if plan.prologue:
             controller.stream.note("prologue", job=row["id"], line=plan.line, blocks=list(plan.prologue))
@@ -166,12 +169,9 @@ class Starter:
         opened = past.open
         runner = Runner(
             row["id"],
-            None,
             controller.config.resume_within,
-            cursor=Cursor.at(row["line_done"]),
-            position=past.position,
-            next_seq=past.next_seq,
-            seconds_done=past.seconds_done,
+            Feed(next_seq=past.next_seq),
+            Ledger(cursor=Cursor.at(row["line_done"]), position=past.position, seconds_done=past.seconds_done),
         )
         adopted = Adopted(
             status,
@@ -194,7 +194,7 @@ class Starter:
         try:
             planner = await self.worker.run(self.planning.go_on, piece, row, line=line)
         except UNSTARTABLE as error:
-            controller.stream.react(runner.unreadable(str(error)))
-            return
-        runner.supply(planner)
+            runner.unreadable(str(error))
+        else:
+            runner.supply(planner)
         controller.pump()

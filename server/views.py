@@ -70,13 +70,13 @@ def job_view(row: Row, clock: Clock, runner: Runner | None = None) -> dict[str, 
 
 
 def _progress(row: Row, clock: Clock, runner: Runner | None) -> dict[str, Any]:
-    done = row["line_done"] if runner is None else runner.cursor.done
+    done = row["line_done"] if runner is None else runner.ledger.cursor.done
     first, last = row["start_line"], row["end_line"]
     return {
         "line": done,
         "lines": last,
         "acknowledged_lines": max(0, done - first + 1),
-        "sent_line": done if runner is None else runner.cursor.sent,
+        "sent_line": done if runner is None else runner.ledger.cursor.sent,
         "seconds_elapsed": _elapsed(row, clock),
         "seconds_left": None if runner is None else _left(row, runner),
     }
@@ -87,7 +87,7 @@ def _left(row: Row, runner: Runner) -> float | None:
     whole = row["start_line"] == 1 and row["end_line"] == row["lines"]
     if not whole or row["total_seconds"] is None:
         return None
-    return round(max(0.0, float(row["total_seconds"]) - runner.seconds_done), 1)
+    return round(max(0.0, float(row["total_seconds"]) - runner.ledger.seconds_done), 1)
 
 
 def _elapsed(row: Row, clock: Clock) -> float | None:

@@ -1,0 +1,106 @@
+"""The next batch: from the planner, or one that has to go out again; planned one ahead and given a row in the journal.
+
+Not when it may go out (runner.py). The one rule: lines come in order, so what was taken back goes before what is new.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from jobs.batch import PlannedBatch
+from jobs.effects import Entry
+from jobs.flight import Outcome
+from jobs.job import Status
+from protocol.commands import Position
+from protocol.errors import LocalError
+
+
+class BatchSource(Protocol):
+    """Where batches come from: jobs.batch.BatchPlanner."""
+
+    def next(self) -> PlannedBatch | None:
+        """The next batch, None at the end. Raises LocalError for a line that cannot be sent, OSError for the file."""
+
+    def relocate(self, position: Position) -> None:
+        """The true position after a batch whose effect could not be computed."""
+
+
+@dataclass(slots=True)
+class Ahead:
+    """The next batch. `entry` once its row was emitted, `durable` once that row is."""
+
+    batch: PlannedBatch
+    seq: int
+    entry: Entry | None = None
+    durable: bool = False
+
+
+@dataclass(slots=True)
+class Feed:
+    """`source` may be supplied later. `end`: how the job ends once nothing is left; None while that is not known."""
+
+    source: BatchSource | None = None
+    next_seq: int = 1
+    ahead: Ahead | None = None
+    end: Outcome | None = None
+    _backlog: deque[PlannedBatch] = field(default_factory=deque)
+
+    def supply(self, source: BatchSource, *, behind: Sequence[PlannedBatch], position: Position) -> None:
+        """What comes after the batches `behind` which the machine stands, or will stand, and after the backlog."""
+        batches = [*behind, *self._backlog]
+        source.relocate(batches[-1].end if batches else position)
+        self.source = source
+
+    def relocate(self, position: Position) -> None:
+        """The true position after a barrier; nothing has been planned beyond it."""
+        if self.source is not None:
+            self.source.relocate(position)
+
+    def plan(self) -> Ahead | None:
+        """The batch ahead, planned now if there is none yet."""
+        if self.ahead is None:
+            batch = self._backlog.popleft() if self._backlog else self._read()
+            if batch is not None:
+                self.ahead = Ahead(batch, self.next_seq)
+                self.next_seq += 1
+        return self.ahead
+
+    def journaled(self, seq: int, wire_id: int) -> None:
+        """The row is durable under this ID."""
+        ahead = self.ahead
+        if ahead is not None and ahead.seq == seq and ahead.entry is not None and ahead.entry.wire_id == wire_id:
+            ahead.durable = True
+
+    def shelve(self) -> Entry | None:
+        """Take the batch ahead back; its row, if there is one, which was never sent."""
+        ahead, self.ahead = self.ahead, None
+        if ahead is None:
+            return None
+        self._backlog.appendleft(ahead.batch)
+        return ahead.entry
+
+    def put_back(self, batches: Sequence[PlannedBatch]) -> None:
+        """These go out again, in order, before everything else. The batch ahead has been shelved."""
+        assert self.ahead is None
+        self._backlog.extendleft(reversed(batches))
+
+    def unreadable(self, reason: str) -> None:
+        """There will be no source."""
+        self.end = self.end or Outcome(Status.FAILED, "program_missing", f"The program cannot be read: {reason}")
+
+    def _read(self) -> PlannedBatch | None:
+        if self.end is not None or self.source is None:
+            return None
+        try:
+            batch = self.source.next()
+        except LocalError as error:
+            self.end = Outcome(Status.FAILED, "not_plannable", str(error))
+            return None
+        except OSError as error:
+            self.unreadable(str(error))
+            return None
+        if batch is None or batch.ends_program:
+            # What stands behind the end of a program (M30, M99) is not part of it.
+            self.end = Outcome(Status.COMPLETED)
+        return batch

@@ -1,0 +1,121 @@
+"""What is known of a job's batches: which are with the machine, which are done, which are in doubt; and how far it is.
+
+No decisions (runner.py) and no database (journal.py). The one rule: every batch that was handed over leaves `open`
+exactly once, with a mark that says how it ended.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from jobs.batch import PlannedBatch
+from jobs.cursor import Cursor
+from jobs.effects import Entry, MarkBatch, RowStatus
+from protocol.commands import Position
+
+
+@dataclass(slots=True)
+class Flight:
+    """A row that is, or may be, with the machine. Times are RFC 3339."""
+
+    entry: Entry
+    attempts: int = 0
+    sent_at: str | None = None
+    received_at: str | None = None
+
+
+@dataclass(slots=True)
+class Ledger:
+    """`position` is where the machine stood after the last batch that is done. `inherited_doubt`: the lines that were
+    in doubt, for good, before this process began."""
+
+    cursor: Cursor = field(default_factory=Cursor)
+    position: Position = field(default_factory=dict)
+    seconds_done: float = 0.0
+    open: list[Flight] = field(default_factory=list)
+    doubtful: list[Flight] = field(default_factory=list)
+    inherited_doubt: tuple[int, int] | None = None
+
+    def flight(self, id: int) -> Flight | None:
+        """The open row of this wire ID."""
+        return next((flight for flight in self.open if flight.entry.wire_id == id), None)
+
+    def lines_in_doubt(self) -> tuple[int | None, int | None]:
+        """From the first to the last line that may have been executed wholly, partly or not at all."""
+        batches = [flight.entry.batch for flight in self.doubtful + self.open]
+        spans = [(batch.first_line, batch.last_line) for batch in batches]
+        if self.inherited_doubt is not None:
+            spans.append(self.inherited_doubt)
+        if not spans:
+            return None, None
+        return min(first for first, _ in spans), max(last for _, last in spans)
+
+    def inherit_doubt(self, line_from: int | None, line_to: int | None) -> None:
+        """Lines that were in doubt before; those of rows that are still open may yet be settled."""
+        first_open = min((flight.entry.batch.first_line for flight in self.open), default=None)
+        if line_from is None or line_to is None or first_open == line_from:
+            return
+        self.inherited_doubt = (line_from, line_to if first_open is None else first_open - 1)
+
+    def submit(self, entry: Entry) -> None:
+        """It is about to be handed to the engine."""
+        self.open.append(Flight(entry))
+        self.cursor = self.cursor.was_sent(entry.batch.last_line)
+
+    def sent(self, flight: Flight, attempt: int, at: str) -> None:
+        """Its bytes are on the wire."""
+        flight.attempts = attempt
+        flight.sent_at = flight.sent_at or at
+
+    def received(self, flight: Flight, at: str) -> None:
+        """The machine has accepted it."""
+        flight.received_at = flight.received_at or at
+        self.cursor = self.cursor.was_received(flight.entry.batch.last_line)
+
+    def done(self, flight: Flight, *, inferred: bool, position: Position | None, at: str) -> MarkBatch:
+        """It was executed; the machine stands at `position`, where it was asked for that, else where it was planned."""
+        batch = flight.entry.batch
+        self.open.remove(flight)
+        self.cursor = self.cursor.was_done(batch.last_line)
+        self.seconds_done += batch.seconds
+        self.position = dict(batch.end if position is None else position)
+        return self._mark(flight, RowStatus.OK, inferred=inferred, ok_at=at, end=self.position)
+
+    def doubt(self, flights: Iterable[Flight], status: RowStatus) -> list[MarkBatch]:
+        """Nothing more will be learnt about these."""
+        marks = []
+        for flight in tuple(flights):
+            self.open.remove(flight)
+            self.doubtful.append(flight)
+            marks.append(self._mark(flight, status))
+        return marks
+
+    def undo(self) -> tuple[list[MarkBatch], list[PlannedBatch]]:
+        """Whatever is open never arrived: the marks, and the batches to be sent again, in order."""
+        undone, self.open = self.open, []
+        self.cursor = self.cursor.fell_back(self.cursor.done)
+        return [self._mark(flight, RowStatus.UNDONE) for flight in undone], [flight.entry.batch for flight in undone]
+
+    def unsent(self, entry: Entry) -> MarkBatch:
+        """A row that never went out."""
+        return self._mark(Flight(entry), RowStatus.UNSENT)
+
+    def _mark(
+        self,
+        flight: Flight,
+        status: RowStatus,
+        *,
+        inferred: bool = False,
+        ok_at: str | None = None,
+        end: Position | None = None,
+    ) -> MarkBatch:
+        return MarkBatch(
+            flight.entry,
+            status,
+            self.cursor.done,
+            attempts=flight.attempts,
+            inferred=inferred,
+            sent_at=flight.sent_at,
+            received_at=flight.received_at,
+            ok_at=ok_at,
+            end=end,
+        )
