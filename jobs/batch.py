@@ -118,7 +118,7 @@ class BatchPlanner:
         self._block_delete = block_delete
         self._encoding = encoding
         self._skip_to = skip_to
-        self._unread: tuple[int, Block] | None = None
+        self._unread: tuple[int, bytes] | None = None
         self._skipped = False
         self._ahead: list[_Item] = []
         self._ended = False
@@ -179,10 +179,10 @@ class BatchPlanner:
             return
         self._skipped = True
         for line, raw in self._lines:
-            block = self._read(raw)
             if line >= self._skip_to:
-                self._unread = (line, block)
+                self._unread = (line, raw)
                 return
+            block = self._read(raw)
             if block.words:
                 self._tracker.step(block)
 
@@ -195,8 +195,8 @@ class BatchPlanner:
     def _blocks(self) -> Iterator[tuple[int, Block]]:
         self._skip()
         if self._unread is not None:
-            unread, self._unread = self._unread, None
-            yield unread
+            (line, raw), self._unread = self._unread, None
+            yield line, self._read(raw)
         for line, raw in self._lines:
             yield line, self._read(raw)
 
