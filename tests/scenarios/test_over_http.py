@@ -264,11 +264,6 @@ def test_pause_and_estop_over_the_websocket(tmp_path: Path) -> None:
     told(tmp_path, story)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="Controller.jog takes the G91 of a jog under way (STATE in its middle says ISABS<#N) for the lasting mode, "
-    "and sends the next step without G91: an absolute move",
-)
 def test_a_held_jog_moves_while_it_is_held_and_not_much_longer(tmp_path: Path) -> None:
     async def story(bench: Bench, _client: httpx.AsyncClient) -> None:
         shop = bench.shop

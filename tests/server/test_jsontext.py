@@ -25,7 +25,11 @@ def test_everything_is_strict_json_in_ascii(value: Any) -> None:
     json.loads(text, parse_constant=refuse)
 
 
-@given(st.recursive(st.floats(allow_nan=False, allow_infinity=False) | st.text(), lambda inner: st.lists(inner)))
+@given(
+    st.recursive(
+        st.floats(allow_nan=False, allow_infinity=False) | st.text(), lambda inner: st.lists(inner, max_size=4)
+    )
+)
 def test_what_json_can_say_comes_back(value: Any) -> None:
     assert json.loads(dumps(value)) == value
 
