@@ -76,16 +76,22 @@ class ElvintoEngine(Settling):
             if self._phase is Phase.CLOSED:
                 return
             if isinstance(item, ProtocolFault):
-                self._noise_at = now
-                self._emit(item)
-                if self._listing is not None:
-                    self._listing.damaged = True
+                self._garbled(item, now)
                 continue
             self._heard_at = now
             self._emit(MessageSeen("<", item.text))
             handler = self._HANDLERS.get(item.name)
             if handler is not None:
                 handler(self, item, now)
+
+    def _garbled(self, fault: ProtocolFault, now: float) -> None:
+        """Noise proves nothing, but it may make one careful: what looks like READY may be a restart's only word."""
+        self._noise_at = now
+        self._emit(fault)
+        if self._listing is not None:
+            self._listing.damaged = True
+        if fault.kind in ("checksum", "no_header") and "READY" in fault.detail and self._greetings == 0:
+            self._suspect_restart(now)
 
     def data_to_send(self, now: float) -> bytes:
         """What is to go out now, whole frames, the realtime lane first."""

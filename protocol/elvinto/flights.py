@@ -178,10 +178,19 @@ class Flights(Exchange, ABC):
         if flight.kind != "gcode" or flight.repeatable or self._case is not None:
             return
         if flight.probed or flight.seen_running:
-            self._open_case(Case((flight.batch,), flight.start, math.inf), now)
+            self._suspect_restart(now)
         elif self._stands_only(flight.batch.end, flight.start, report):
             flight.attempts += 1  # the memory is not proven: RECEIVED never came
             self._flight_done(now, inferred=True)
+
+    def _suspect_restart(self, now: float) -> None:
+        """Find out by the restart probe before anything is sent again that moves."""
+        flight = self._flight
+        if flight is None or flight.kind != "gcode" or flight.repeatable or self._case is not None:
+            return
+        if self._phase in (Phase.SENT, Phase.RUNNING):
+            accepted = flight.received_at is not None
+            self._open_case(Case((flight.batch,), flight.start, math.inf, accepted), now)
 
     def _stands_only(self, place: Position, other: Position, report: StateReported) -> bool:
         """The machine reports to stand at `place`, and that is not `other`."""

@@ -356,6 +356,13 @@ class TestRestart:
         assert (failed.id, failed.reason) == (batch.id, "restart")
         assert [message for _, message in scene.sent()] == ["INIT"]
 
+    def test_a_garbled_ready_is_looked_into(self):
+        scene = ready()
+        batch = scene.batch("G1X1", end={"x": 1})
+        scene.engine.receive_data(framed("READY").replace(b"MD5<#a", b"MD5<#b"), scene.now)
+        assert scene.take(FateUnknown) == [FateUnknown((batch.id,))]
+        assert scene.sent()[0] == (1, "GCODE,DATA<#W95")
+
     def test_in_idle_too(self):
         scene = ready()
         scene.say("READY")
