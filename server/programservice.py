@@ -122,11 +122,11 @@ class ProgramService:
     async def check(self, program_id: str, *, machine: str | None = None, profile: str | None = None) -> dict[str, Any]:
         """The check before a run, against a machine or a profile. Raises ProblemError."""
         piece, name = self._piece(machine, profile)
+        await self.get(program_id)
         known = self._checked.get((program_id, name))
         if known is not None:
             self._checked.move_to_end((program_id, name))
             return known
-        await self.get(program_id)
         report: dict[str, Any] = await self._read(program_id, self._planning.check, piece, program_id, slow=True)
         self._checked[program_id, name] = report
         if len(self._checked) > CHECKS_KEPT:
