@@ -50,6 +50,11 @@ class HeldJogs:
         machine refuses it, or has refused a later one since the last beat."""
         loop = asyncio.get_running_loop()
         held = self._held.get(machine)
+        if held is not None and held.error is not None:
+            del self._held[machine]
+            if held.owner is owner and loop.time() <= held.alive_until:
+                raise held.error
+            held = None
         if held is not None and held.owner is not owner:
             raise ProblemError("machine_busy", f"Somebody else is jogging {machine} at the moment.")
         alive_until = loop.time() + HEARTBEAT_S
@@ -59,9 +64,6 @@ class HeldJogs:
             held.task = loop.create_task(self._run(machine, held))
             await asyncio.shield(held.started)
             return
-        if held.error is not None:
-            del self._held[machine]
-            raise held.error
         held.axes, held.feed, held.alive_until = axes, feed, alive_until
 
     def release(self, machine: str, owner: object) -> None:

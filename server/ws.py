@@ -47,10 +47,13 @@ SNAPSHOT_JOBS = 50
 
 async def snapshot(services: Services) -> Json:
     """Everything a page needs to show the workshop as it is now."""
-    return {
-        "machines": [machine.view() for machine in services.machines.values()],
-        "jobs": list(await services.jobs.list(None, None, SNAPSHOT_JOBS, None)),
-    }
+    data: Json = {"machines": [machine.view() for machine in services.machines.values()], "jobs": []}
+    try:
+        data["jobs"] = list(await services.jobs.list(None, None, SNAPSHOT_JOBS, None))
+    except ProblemError as problem:
+        # A database that cannot answer (a full disk) must take neither the live state nor the e-stop away.
+        data["problem"] = problem_body(problem)
+    return data
 
 
 @dataclass(frozen=True, slots=True)

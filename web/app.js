@@ -91,6 +91,7 @@ function greet(data) {
   for (const job of data.jobs) jobs.set(job.id, job);
   showConnection("live", role === "viewer" ? "live, read only" : "live");
   byId("sign-in").hidden = true;
+  if (data.problem) notice(data.problem.detail);
   request("GET", "/session").then((session) => { byId("sign-out").hidden = session.open; }, () => {});
   render();
 }

@@ -127,18 +127,39 @@ def test_a_busy_machine_is_told_to_the_first_beat_and_waited_for_later() -> None
     run(main())
 
 
+async def refused_in_the_middle(bench: Bench) -> None:
+    """Two steps have run, the third was refused, and the heart still beats."""
+    await bench.beat()
+    await bench.beat()
+    bench.machine.refusals["jog"] = ProblemError("alarm_active", "limit switch")
+    await asyncio.sleep(0.19)
+    assert len(bench.began_at) == 2
+    assert bench.machine.names() == ["jog"] * 3
+
+
 def test_a_later_refusal_is_told_to_the_next_beat_and_ends_it() -> None:
     async def main() -> None:
         bench = Bench()
-        await bench.beat()
-        bench.machine.refusals["jog"] = ProblemError("alarm_active", "limit switch")
-        await asyncio.sleep(0.19)
+        await refused_in_the_middle(bench)
         with pytest.raises(ProblemError) as caught:
             await bench.beat()
         assert caught.value.code == "alarm_active"
-        calls = len(bench.machine.calls)
         await asyncio.sleep(1)
-        assert len(bench.machine.calls) == calls
+        assert bench.machine.names() == ["jog"] * 3, "told, and not tried again"
+
+    run(main())
+
+
+def test_a_refusal_that_nobody_heard_of_bars_nobody() -> None:
+    async def main() -> None:
+        for next_one, pause_s in ((SOMEBODY_ELSE, 0.0), (ME, 60.0)):
+            bench = Bench()
+            await refused_in_the_middle(bench)
+            bench.machine.refusals.clear()
+            await asyncio.sleep(pause_s)
+            await bench.beat(next_one)
+            assert len(bench.began_at) >= 3
+            await asyncio.sleep(1)
 
     run(main())
 

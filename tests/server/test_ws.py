@@ -66,6 +66,30 @@ def test_what_happens_while_the_snapshot_is_made_is_not_lost() -> None:
     run(main())
 
 
+def test_a_database_that_cannot_answer_takes_the_live_state_from_nobody() -> None:
+    async def main() -> None:
+        async with FakeWorkshop() as workshop:
+            workshop.jobs.refusals["list"] = ProblemError("disk_full", "The disk is full.")
+            async with connected(workshop, greet=False) as socket:
+                data = (await socket.hear())["data"]
+                assert (len(data["machines"]), data["jobs"], data["problem"]["code"]) == (1, [], "disk_full")
+                assert (await socket.ask({"type": "estop"}))["ok"]
+
+    run(main())
+
+
+def test_an_error_of_ours_in_the_snapshot_closes_the_connection_and_says_so() -> None:
+    async def main() -> None:
+        async with FakeWorkshop() as workshop:
+            workshop.jobs.refusals["list"] = RuntimeError("secret of the house")
+            async with connected(workshop, greet=False) as socket:
+                assert await socket.hear() is None
+                assert socket.closed == (1011, "internal error")
+            assert workshop.hub.readers == 0
+
+    run(main())
+
+
 def test_events_come_as_they_happen() -> None:
     async def main() -> None:
         async with FakeWorkshop() as workshop, connected(workshop) as socket:

@@ -7,8 +7,11 @@ import httpx
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from starlette.exceptions import HTTPException
+from starlette.types import Message
+from starlette.websockets import WebSocket
 
-from server.api.problems import problem_body
+from server.api.problems import problem_body, refuse_socket
 from server.problems import CODES, ProblemError
 from tests.harness.fakeworkshop import BASE_URL, FakeWorkshop
 from tests.harness.simloop import run_simulated as run
@@ -158,3 +161,29 @@ def test_no_request_gets_an_internal_error(ask: Ask, method: str, path: str, bod
     assert answer.status_code < 500, answer.text
     if answer.status_code >= 400 and method != "HEAD":
         assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_a_framework_error_without_a_code_of_ours_is_an_internal_one() -> None:
+    async def main() -> None:
+        async with FakeWorkshop() as workshop, workshop.client() as client:
+            workshop.router.refusals["home"] = HTTPException(418)
+            is_problem(await client.post("/api/v1/machines/router/home"), 500, "internal")
+
+    run(main())
+
+
+def test_a_server_that_can_only_close_a_handshake_closes_it() -> None:
+    sent: list[Message] = []
+
+    async def send(message: Message) -> None:
+        sent.append(message)
+
+    async def receive() -> Message:
+        return {"type": "websocket.connect"}
+
+    async def main() -> None:
+        socket = WebSocket({"type": "websocket", "path": "/", "headers": [], "extensions": {}}, receive, send)
+        await refuse_socket(socket, ProblemError("forbidden", "No."))
+
+    run(main())
+    assert [message["type"] for message in sent] == ["websocket.close"]
