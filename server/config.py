@@ -193,42 +193,69 @@ class ElvintoConfig(Section):
         )
 
 
-class AxisConfig(Section):
-    """One axis of `[machine.motion]`. Without `travel` its reach is not checked."""
+Rate = Annotated[float, Field(gt=0, le=1_000_000)]
 
-    max_rate: Annotated[float, Field(gt=0, le=1_000_000)] = DEFAULT_RATE_MM_MIN
-    acceleration: Annotated[float, Field(gt=0, le=1_000_000)] = DEFAULT_ACCELERATION_MM_S2
-    travel: Travel | None = None
+
+class RateConfig(Section):
+    """`max_rate` by axis, mm/min (degrees/min)."""
+
+    x: Rate = DEFAULT_RATE_MM_MIN
+    y: Rate = DEFAULT_RATE_MM_MIN
+    z: Rate = DEFAULT_RATE_MM_MIN
+    a: Rate = DEFAULT_RATE_MM_MIN
+    b: Rate = DEFAULT_RATE_MM_MIN
+    c: Rate = DEFAULT_RATE_MM_MIN
+
+
+class AccelerationConfig(Section):
+    """`acceleration` by axis, mm/s² (degrees/s²)."""
+
+    x: Rate = DEFAULT_ACCELERATION_MM_S2
+    y: Rate = DEFAULT_ACCELERATION_MM_S2
+    z: Rate = DEFAULT_ACCELERATION_MM_S2
+    a: Rate = DEFAULT_ACCELERATION_MM_S2
+    b: Rate = DEFAULT_ACCELERATION_MM_S2
+    c: Rate = DEFAULT_ACCELERATION_MM_S2
+
+
+class TravelConfig(Section):
+    """`travel` by axis, mm (degrees). The reach of an axis without it is not checked."""
+
+    x: Travel | None = None
+    y: Travel | None = None
+    z: Travel | None = None
+    a: Travel | None = None
+    b: Travel | None = None
+    c: Travel | None = None
 
     @model_validator(mode="after")
-    def _travel_in_order(self) -> Self:
-        if self.travel is not None and not self.travel[0] < self.travel[1]:
-            raise refused("travel", list(self.travel), "[lowest, highest], the lower first")
+    def _in_order(self) -> Self:
+        for axis, travel in self.known().items():
+            if not travel[0] < travel[1]:
+                raise refused(axis, list(travel), "[lowest, highest], the lower first")
         return self
+
+    def known(self) -> dict[str, tuple[float, float]]:
+        """The axes whose reach is known."""
+        return {axis: travel for axis, travel in self if travel is not None}
 
 
 class MotionConfig(Section):
     """`[machine.motion]`: what the axes can do; for estimates of time and for the check before a run."""
 
-    x: AxisConfig = AxisConfig()
-    y: AxisConfig = AxisConfig()
-    z: AxisConfig = AxisConfig()
-    a: AxisConfig = AxisConfig()
-    b: AxisConfig = AxisConfig()
-    c: AxisConfig = AxisConfig()
-
-    def axes(self) -> Mapping[str, AxisConfig]:
-        """The axes by name."""
-        return {name: getattr(self, name) for name in type(self).model_fields}
+    max_rate: RateConfig = RateConfig()
+    acceleration: AccelerationConfig = AccelerationConfig()
+    travel: TravelConfig = TravelConfig()
 
     def motion(self) -> Motion:
         """The same for the core."""
-        axes = self.axes()
-        return Motion(
-            max_rate={name: axis.max_rate for name, axis in axes.items()},
-            acceleration={name: axis.acceleration for name, axis in axes.items()},
-            travel={name: axis.travel for name, axis in axes.items() if axis.travel is not None},
-        )
+        return Motion(max_rate=dict(self.max_rate), acceleration=dict(self.acceleration), travel=self.travel.known())
+
+
+class MotionFile(Section):
+    """The file of `millstream check --motion`: the table `[motion]`, as `[machine.motion]`."""
+
+    motion: MotionConfig
 
 
 @dataclass(frozen=True, slots=True)

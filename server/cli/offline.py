@@ -16,15 +16,13 @@ from gcode.motion import Motion
 from gcode.profile import Profile, ProfileError, load_profile
 from jobs.batch import BatchPlanner, PlanError
 from server.cli.common import CliError, ExitCode, Json, ProgramFile, safe, say, say_json, warn
-from server.config import ElvintoConfig, MotionConfig
+from server.config import ElvintoConfig, MotionFile
 from server.configfile import ConfigError, load_section
 
 CHUNK_BYTES = 64 * 1024
 
 ProfileName = Annotated[str, typer.Option("--profile", "-p", help="The controller, e.g. elvinto.")]
-MotionFile = Annotated[
-    Path | None, typer.Option("--motion", help="TOML with the keys of [machine.motion]: rates, accelerations, travel.")
-]
+MotionPath = Annotated[Path | None, typer.Option("--motion", help="TOML with a table [motion], as [machine.motion].")]
 BlockDelete = Annotated[bool, typer.Option("--block-delete", help="Leave out blocks that begin with '/'.")]
 ConvertInches = Annotated[bool, typer.Option("--convert-inches", help="Convert G20 programs to mm.")]
 
@@ -38,7 +36,7 @@ def register(app: typer.Typer) -> None:
 def check(
     file: ProgramFile,
     profile: ProfileName,
-    motion: MotionFile = None,
+    motion: MotionPath = None,
     block_delete: BlockDelete = False,
     convert_inches: ConvertInches = False,
     as_json: Json = False,
@@ -59,7 +57,7 @@ def check(
 def translate(
     file: ProgramFile,
     profile: ProfileName,
-    motion: MotionFile = None,
+    motion: MotionPath = None,
     block_delete: BlockDelete = False,
     convert_inches: ConvertInches = False,
     compact: Annotated[bool, typer.Option(help="Leave out words that change nothing.")] = True,
@@ -115,7 +113,7 @@ def _profile(name: str) -> Profile:
 
 def _motion(path: Path | None) -> Motion:
     try:
-        return Motion() if path is None else load_section(MotionConfig, path).motion()
+        return Motion() if path is None else load_section(MotionFile, path).motion.motion()
     except ConfigError as error:
         raise CliError(ExitCode.USAGE, safe_lines(str(error))) from error
 

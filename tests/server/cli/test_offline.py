@@ -61,17 +61,17 @@ def test_check_as_json_is_1_with_errors(millstream: Run, file: Path) -> None:
 
 def test_check_against_the_travel_of_a_motion_file(millstream: Run, file: Path, tmp_path: Path) -> None:
     motion = tmp_path / "motion.toml"
-    motion.write_text("x = { travel = [0, 15] }\n", encoding="utf-8")
+    motion.write_text("[motion]\ntravel = { x = [0, 15] }\n", encoding="utf-8")
     assert millstream("check", file, "-p", "elvinto").code == 0
     assert millstream("check", file, "-p", "elvinto", "--motion", motion).code == 1
 
 
 def test_a_faulty_motion_file_is_wrong_usage(millstream: Run, file: Path, tmp_path: Path) -> None:
     motion = tmp_path / "motion.toml"
-    motion.write_text("x = { travel = [15, 0] }\n", encoding="utf-8")
+    motion.write_text("[motion]\ntravel = { x = [15, 0] }\n", encoding="utf-8")
     outcome = millstream("check", file, "-p", "elvinto", "--motion", motion)
     assert outcome.code == 2
-    assert f"{motion}: x.travel = [15.0, 0.0]: allowed is [lowest, highest]" in outcome.err
+    assert f"{motion}: motion.travel.x = [15.0, 0.0]: allowed is [lowest, highest]" in outcome.err
 
 
 @pytest.mark.parametrize("command", ["check", "translate"])
