@@ -121,7 +121,7 @@ not known any more, so that only the snapshot counts; `problem` says why jobs co
 slow reader. Everything else is never left out: a reader that does not take it is disconnected (1013) and can come
 back with `since`.
 
-The client may send, and gets `{"type": "result", "id", "ok"}` for each, where `ok` is false with the problem in `error`:
+The client may send, and gets `{"type": "result", "id", "ok"}` for each; refused: `ok` is false, `error` the problem:
 
 | message | role | what |
 | --- | --- | --- |
