@@ -61,8 +61,13 @@ class Switches:
         return found
 
 
-def prologue(modal: Modal, switches: Switches, profile: Profile, first: Block | None) -> list[str]:
-    """The blocks to send before `first`, the first block that goes out. Raises CannotStartError."""
+def prologue(
+    modal: Modal, switches: Switches, profile: Profile, first: Block | None, *, in_inches: bool = False
+) -> list[str]:
+    """The blocks to send before `first`, the first block that goes out. Raises CannotStartError.
+
+    `in_inches`: the program stands in G20 there and is being converted, which these blocks, in mm, must not be.
+    """
     blocks = [] if modal.absolute is None else ["G90" if modal.absolute else "G91"]
     code = None if modal.motion is None else profile.codes.get(modal.motion)
     if code is not None and code.effect in SAYABLE:
@@ -74,7 +79,8 @@ def prologue(modal: Modal, switches: Switches, profile: Profile, first: Block | 
         )
     if modal.feed_mm_min is not None:
         blocks.append(f"F{modal.feed_mm_min:g}")
-    return blocks + switches.blocks()
+    blocks += switches.blocks()
+    return ["G21", *blocks, "G20"] if in_inches else blocks
 
 
 def first_block(lines: Lines, encoding: str) -> Block | None:

@@ -70,9 +70,9 @@ class Planning:
             lines = self._lines(row, 1, last)
             return Plan(_opened(self._planner(piece, lines, position=position, absolute=absolute)), 1)
         switches = Switches(self._lines(row, 1, line - 1), encoding)
-        modal = self._planner(piece, switches, absolute=absolute, skip_to=line).modal
+        scout = self._planner(piece, switches, absolute=absolute, skip_to=line)
         first = first_block(self._lines(row, line, last), encoding)
-        blocks = prologue(modal, switches, piece.profile, first)
+        blocks = prologue(scout.modal, switches, piece.profile, first, in_inches=scout.in_inches)
         whole = with_prologue(self._lines(row, 1, line - 1), line, blocks, self._lines(row, line, last))
         planner = self._planner(piece, whole, absolute=absolute, skip_to=line)
         planner.relocate(position)
