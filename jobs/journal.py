@@ -112,11 +112,6 @@ def past(db: Database, job: int) -> Past:
     return Past(opened, (sums["top"] or 0) + 1, position, sums["s"] or 0.0)
 
 
-def give_up(db: Database, job: int) -> None:
-    """Whatever is still open will never be known."""
-    db.execute("update batches set status = 'doubtful' where job = ? and status = 'planned'", [job])
-
-
 def rows_of(db: Database, job: int, *, limit: int, after: int = 0) -> list[dict[str, Any]]:
     """The journal of a job as the API shows it, oldest first."""
     query = """

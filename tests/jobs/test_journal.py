@@ -1,0 +1,122 @@
+"""The journal: what is written comes back as the same bytes to send, and every row ends once."""
+
+from typing import Any
+
+import pytest
+
+from jobs import journal
+from jobs.effects import Entry, MarkBatch, RowStatus
+from protocol.errors import LocalError
+from tests.harness.fakes import batch
+from tests.harness.rows import AT, add_job, database
+
+
+def entry(db_job: int, seq: int, wire_id: int, line: int, **changes: Any) -> Entry:
+    return Entry(db_job, seq, wire_id, batch(line, **changes))
+
+
+def ok(row: Entry, line: int, **changes: Any) -> MarkBatch:
+    return MarkBatch(row, RowStatus.OK, line, attempts=1, sent_at=AT, received_at=AT, ok_at=AT, **changes)
+
+
+def test_an_open_row_comes_back_as_it_was() -> None:
+    with database() as db:
+        job = add_job(db)
+        row = entry(job, 1, 1004, 3, tool=5, tool_change=True, barrier=True, start={"x": 0.1}, end={"z": 30.0})
+        journal.journal(db, "router", row, AT)
+        past = journal.past(db, job)
+        assert past.open == (row,)
+        assert past.open[0].command() == row.command()
+        assert (past.next_seq, past.position) == (2, {"x": 0.1})
+
+
+def test_a_new_id_takes_the_place_of_the_old_one() -> None:
+    with database() as db:
+        job = add_job(db)
+        journal.journal(db, "router", entry(job, 1, 1004, 1), AT)
+        journal.journal(db, "router", entry(job, 1, 1009, 1), AT)
+        assert [row.wire_id for row in journal.past(db, job).open] == [1009]
+        assert journal.highest_id(db, "router") == 1009
+        with pytest.raises(LocalError, match="no row 1"):
+            journal.mark(db, ok(entry(job, 1, 1004, 1), 2))
+
+
+def test_a_done_row_says_how_far_the_job_is_and_drops_what_nobody_needs_any_more() -> None:
+    with database() as db:
+        job = add_job(db)
+        row = entry(job, 1, 1004, 1)
+        journal.journal(db, "router", row, AT)
+        journal.mark(db, ok(row, 2, end={"x": 7.0}))
+        past = journal.past(db, job)
+        assert (past.open, past.position, past.seconds_done) == ((), {"x": 7.0}, 0.5)
+        (stored,) = db.query("select body from batches")
+        assert stored["body"] is None
+        (of_job,) = db.query("select line_done from jobs")
+        assert of_job["line_done"] == 2
+        (shown,) = journal.rows_of(db, job, limit=10)
+        assert (shown["status"], shown["ok_at"], shown["inferred"]) == ("ok", AT, False)
+
+
+def test_the_position_before_the_first_open_row_is_the_end_of_the_last_done_one() -> None:
+    with database() as db:
+        job = add_job(db)
+        rows = [entry(job, seq, 1000 + seq, 2 * seq) for seq in range(1, 4)]
+        for row in rows:
+            journal.journal(db, "router", row, AT)
+        journal.mark(db, ok(rows[0], 3))
+        past = journal.past(db, job)
+        assert [row.seq for row in past.open] == [2, 3]
+        assert past.position == {"x": 3.0}
+
+
+def test_more_open_rows_than_there_can_be_are_a_bug_that_is_said() -> None:
+    with database() as db:
+        job = add_job(db)
+        for seq in range(1, 4):
+            journal.journal(db, "router", entry(job, seq, 1000 + seq, 2 * seq), AT)
+        with pytest.raises(LocalError, match="3 open rows"):
+            journal.past(db, job)
+
+
+@pytest.mark.parametrize("status", [RowStatus.UNSENT, RowStatus.UNDONE, RowStatus.FAILED, RowStatus.DOUBTFUL])
+def test_every_other_end_closes_the_row_too(status: RowStatus) -> None:
+    with database() as db:
+        job = add_job(db)
+        row = entry(job, 1, 1004, 1)
+        journal.journal(db, "router", row, AT)
+        journal.mark(db, MarkBatch(row, status, 0))
+        assert journal.past(db, job).open == ()
+        assert journal.totals(db, job)["doubtful"] == (
+            [{"wire_id": 1004, "line_from": 1, "line_to": 2, "status": status}]
+            if status in (RowStatus.FAILED, RowStatus.DOUBTFUL)
+            else []
+        )
+
+
+def test_totals() -> None:
+    with database() as db:
+        job = add_job(db)
+        assert journal.totals(db, job)["batches"] == 0
+        row = entry(job, 1, 1004, 1)
+        journal.journal(db, "router", row, AT)
+        journal.mark(db, MarkBatch(row, RowStatus.OK, 2, attempts=3, inferred=True))
+        totals = journal.totals(db, job)
+        assert (totals["batches"], totals["blocks"], totals["retries"], totals["inferred"]) == (1, 2, 2, 1)
+
+
+def test_the_highest_id_never_falls_and_is_kept_for_each_machine() -> None:
+    with database() as db:
+        job = add_job(db)
+        assert journal.highest_id(db, "router") == 0
+        journal.journal(db, "router", entry(job, 1, 5000, 1), AT)
+        journal.journal(db, "router", entry(job, 2, 1004, 3), AT)
+        assert (journal.highest_id(db, "router"), journal.highest_id(db, "other")) == (5000, 0)
+
+
+def test_signs_of_life() -> None:
+    with database() as db:
+        assert journal.alive_at(db, "router") is None
+        for at in ("2026-03-01T09:00:00.000Z", "2026-03-01T09:00:01.000Z"):
+            journal.alive(db, "router", at)
+        assert journal.alive_at(db, "router") == "2026-03-01T09:00:01.000Z"
+        assert journal.highest_id(db, "router") == 0
