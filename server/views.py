@@ -14,11 +14,13 @@ from protocol.events import Alarm
 from protocol.machine import MachineState
 from server.clock import Clock, seconds_since
 
+AXIS_ORDER = "xyzabcuvw"
 MICROMETRE_DIGITS = 4
 
 
 def _axes(position: Mapping[str, float]) -> dict[str, float]:
-    return {axis: round(value, MICROMETRE_DIGITS) for axis, value in sorted(position.items())}
+    known = sorted(position, key=lambda axis: (AXIS_ORDER.find(axis), axis))
+    return {axis: round(position[axis], MICROMETRE_DIGITS) for axis in known}
 
 
 def alarm_view(alarm: Alarm | None) -> dict[str, Any] | None:
