@@ -1,0 +1,83 @@
+"""What streaming costs the daemon: processor time for 1,000 blocks, batches a second on a machine that takes no time.
+
+The daemon is a process of its own, with its database on a real disk; the machine is in this one, behind TCP. The
+journal is durable before every batch, so the disk's commits are part of the figure.
+"""
+
+import asyncio
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench.daemon import Daemon, Mill, daemon
+from bench.programs import relief, strokes
+from bench.report import Figure, Report
+from sim.elvinto.settings import SimSettings
+
+TITLE = "instant: the daemon's work for a batch, on a machine that takes no time"
+SEED = 14
+GOAL_BATCHES_S = 500.0
+WARM_UP = 0.1
+"""The part of the program that is not measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """What was measured between two moments of one job."""
+
+    batches: int
+    blocks: int
+    wall_s: float
+    daemon_s: float
+    bench_s: float
+
+
+async def measured(mill: Mill, running: Daemon, *, from_block: int, within_s: float = 600.0) -> Work:
+    """From that block of the job under way to its end."""
+    await mill.until(blocks=from_block, within_s=within_s)
+    began_at, batches, blocks = time.monotonic(), mill.batches, mill.blocks
+    daemon_s, bench_s = running.cpu_s(), time.process_time()
+    await mill.until(within_s=within_s)
+    return Work(
+        mill.batches - batches,
+        mill.blocks - blocks,
+        time.monotonic() - began_at,
+        running.cpu_s() - daemon_s,
+        time.process_time() - bench_s,
+    )
+
+
+async def _work(program: Iterator[str], lines: int, folder: Path) -> Work:
+    mill = Mill(SimSettings(instant=True, executed_limit=1000))
+    async with mill.serve(), daemon(folder, mill) as running:
+        job = await running.run(await running.upload(program))
+        work = await measured(mill, running, from_block=int(lines * WARM_UP))
+        await running.settled(job, "completed")
+    return work
+
+
+def figures(found: Work) -> Iterator[Figure]:
+    """The rows."""
+    yield Figure("batches a second", found.batches / found.wall_s, goal=GOAL_BATCHES_S, sense="least", digits=0)
+    yield Figure("blocks a batch", found.blocks / found.batches, digits=1)
+    yield Figure("processor time for 1,000 blocks", 1e6 * found.daemon_s / found.blocks, "ms", digits=1)
+    yield Figure("processor time for a batch", 1e3 * found.daemon_s / found.batches, "ms")
+    yield Figure("the daemon was busy", 100 * found.daemon_s / found.wall_s, "%", digits=0)
+    yield Figure("the virtual machine was busy", 100 * found.bench_s / found.wall_s, "%", digits=0)
+
+
+def work(program: Iterator[str], lines: int) -> Work:
+    """One job of one daemon."""
+    with tempfile.TemporaryDirectory(prefix="millstream-bench-") as folder:
+        return asyncio.run(_work(program, lines, Path(folder)))
+
+
+def run(*, relief_lines: int = 30_000, strokes_lines: int = 3000) -> Report:
+    """Batches as full as they get, and batches of one block: planning and all that is not planning."""
+    groups = [
+        (f"strokes, {strokes_lines:,} lines", figures(work(strokes(SEED, strokes_lines), strokes_lines))),
+        (f"relief, {relief_lines:,} lines", figures(work(relief(SEED, relief_lines), relief_lines))),
+    ]
+    return Report.of(TITLE, groups)

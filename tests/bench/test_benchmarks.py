@@ -1,0 +1,88 @@
+"""Every benchmark in a tiny setting: it runs to its end and measures what it says. No figure of a clock is compared."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bench import instant, memory, reading, streaming, wire
+from bench.__main__ import NAMES, main
+from bench.programs import as_bytes, relief
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_streaming_in_simulated_time_accounts_for_all_dead_time() -> None:
+    found = streaming.simulated(as_bytes(relief(1, 200)))
+    assert found.blocks > 190
+    parts_s = found.unhidden_s + found.answer_wait_s + found.turnaround_s + found.command_wait_s
+    assert parts_s == pytest.approx(found.dead_s, abs=1e-6)
+    assert found.unhidden_s < found.dead_s
+
+
+def test_streaming_keeps_to_the_bound_of_the_protocol() -> None:
+    # Simulated time: nothing of this depends on the computer.
+    report = streaming.run(relief_lines=700, real_lines=0, features=2)
+    for heading, _ in report.groups:
+        assert report.value(heading, "dead / bound") <= streaming.GOAL
+
+
+@pytest.mark.real
+def test_streaming_in_real_time() -> None:
+    found = streaming.real(relief(1, 40))
+    assert found.blocks > 30
+    assert found.turnaround_s > 0
+    assert found.total_s > found.executing_s > 0
+
+
+def test_compact_saves_bytes_on_a_wordy_program_and_never_costs_any() -> None:
+    report = wire.run(relief_lines=300, features=4, corpus=Path("nowhere"))
+    assert report.value("fine relief, every word in every line", "bytes with / without") < 0.6
+    for heading, _ in report.groups:
+        assert report.value(heading, "bytes with / without") <= 1.0
+
+
+def test_both_writings_of_a_relief_cost_the_same_on_the_wire_when_compact() -> None:
+    lines = [[line.encode() for line in relief(2, 300, wordy=wordy)] for wordy in (True, False)]
+    wordy, modal = (wire.wire_bytes(program, compact=True) for program in lines)
+    assert wordy[0] == pytest.approx(modal[0], rel=0.02)
+
+
+def test_reading() -> None:
+    report = reading.run(relief_lines=100, features=2)
+    for heading, _ in report.groups:
+        for name in ("reader", "check", "planner"):
+            assert report.value(heading, name) > 0
+
+
+def test_reader_and_yardstick_see_the_same_words() -> None:
+    lines = [line.encode() for line in relief(2, 300, wordy=False) if not line.startswith(("%", "("))]
+    assert reading.read(lines) == reading.yardstick(lines)
+
+
+@pytest.mark.real
+def test_instant() -> None:
+    work = instant.work(relief(1, 2000), 2000)
+    assert work.blocks > 1000
+    assert 30 < work.batches < work.blocks
+    assert work.wall_s > 0
+
+
+@pytest.mark.real
+def test_memory() -> None:
+    report = memory.run(lines=500, batches=100)
+    (heading, _) = report.groups[0]
+    assert 10 < report.value(heading, "idle") <= report.value(heading, "highest of all")
+
+
+def test_an_unknown_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["nonsense"]) == 2
+    refusal = capsys.readouterr().err
+    assert all(name in refusal for name in NAMES)
+
+
+@pytest.mark.real
+def test_the_module_can_be_run() -> None:
+    done = subprocess.run([sys.executable, "-m", "bench", "nonsense"], cwd=ROOT, capture_output=True, check=False)
+    assert done.returncode == 2
