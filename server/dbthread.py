@@ -70,7 +70,12 @@ def refusal(error: sqlite3.Error) -> Exception:
 
 
 def in_transaction(db: Database, fn: Callable[[Database], T]) -> T:
-    """Run `fn` and commit, or roll back. `fn` may commit by itself."""
+    """Run `fn` and commit, or roll back. `fn` may commit by itself.
+
+    Immediate: a transaction that begins by reading could not write any more after another process (the command line)
+    has written.
+    """
+    db.conn.execute("begin immediate")
     try:
         result = fn(db)
         if db.conn.in_transaction:
@@ -168,7 +173,6 @@ class DbThread:
 
     def _commit(self, group: list[_Post]) -> None:
         def all_of_them(db: Database) -> None:
-            db.begin()
             for post in group:
                 post.fn(db, *post.args)
 
