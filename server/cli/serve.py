@@ -31,6 +31,9 @@ BACKLOG = 128
 MAX_HEADER_BYTES = 32 * 1024
 WEBSOCKET_MAX_BYTES = 64 * 1024
 """Clients send jogs and subscriptions, nothing large."""
+UNREAD_S = 30
+"""A peer that takes nothing of what waits for it for so long is gone: closing alone would wait for it for ever, and
+with MAX_CONNECTIONS of its kind nobody could reach the e-stop."""
 WEBSOCKET_PING_S = 20.0
 """A reader that vanished without a word is noticed within two of these."""
 
@@ -80,12 +83,15 @@ def bind(host: str, port: int) -> socket.socket:
     """A listening socket. Raises CliError."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
-        return socket.create_server((host.strip("[]"), port), family=family, backlog=BACKLOG)
+        listener = socket.create_server((host.strip("[]"), port), family=family, backlog=BACKLOG)
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else str(error)
         raise CliError(
             ExitCode.FAILED, f"{host}:{port}: {reason}. Is another program there? Set server.host and server.port."
         ) from error
+    if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux; every connection that is accepted inherits it
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNREAD_S * 1000)
+    return listener
 
 
 class _Server(uvicorn.Server):
@@ -124,9 +130,11 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
     with contextlib.closing(listener), sole_daemon(config):
         _check_exposure(config)
         workshop = build(config)
+        # Before the start: making the API's description takes the loop for a moment that no running job should wait.
+        app = create_app(workshop)
         await workshop.start()
         try:
-            server = _Server(_uvicorn_config(create_app(workshop), config))
+            server = _Server(_uvicorn_config(app, config))
             daemon = RunningDaemon(server, asyncio.create_task(server.serve(sockets=[listener])), address(listener))
             on_stop_signal(daemon.stop)
             try:

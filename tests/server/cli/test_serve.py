@@ -1,5 +1,6 @@
 """serve: what ends the start with a sentence, and a real daemon from its address to SIGTERM."""
 
+import errno
 import os
 import signal
 import socket
@@ -72,6 +73,19 @@ def test_the_address_is_one_to_click_on(listener: socket.socket) -> None:
     assert address(listener) == f"http://127.0.0.1:{listener.getsockname()[1]}"
     with bind("0.0.0.0", 0) as everywhere:
         assert address(everywhere) == f"http://{socket.gethostname()}:{everywhere.getsockname()[1]}"
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not hasattr(socket, "TCP_USER_TIMEOUT"), reason="only Linux gives up a peer that does not read")
+def test_a_peer_that_reads_nothing_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("server.cli.serve.UNREAD_S", 1)
+    with bind("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()) as deaf:
+        served, _ = listener.accept()
+        with served:
+            served.settimeout(20)
+            with pytest.raises(OSError, match=os.strerror(errno.ETIMEDOUT)):
+                while deaf:
+                    served.sendall(b"nobody reads this" * 1000)
 
 
 @pytest.mark.real
