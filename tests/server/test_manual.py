@@ -1,0 +1,100 @@
+"""Commands by hand: one by one to the engine, and everybody who waits is answered."""
+
+import asyncio
+
+import pytest
+
+from protocol.commands import ClearAlarm, ListFiles, RunBlock
+from protocol.events import CommandDone, CommandFailed, FilesListed
+from server.manual import QUEUE_LIMIT, Manual
+from server.problems import ProblemError
+from tests.harness.fakes import ScriptedEngine
+from tests.harness.simloop import run_simulated
+
+
+def test_commands_go_out_when_the_engine_is_free_in_order() -> None:
+    async def main() -> None:
+        manual, engine = Manual("router", asyncio.get_running_loop()), ScriptedEngine()
+        first, second = manual.put(ClearAlarm), manual.put(lambda token: RunBlock(token, ("G28",)))
+        assert manual.offer(engine, 0.0)  # type: ignore[arg-type]
+        assert not manual.offer(engine, 0.0)  # type: ignore[arg-type]
+        assert (manual.busy, manual.waiting) == (True, True)
+        manual.handle(CommandDone(1))
+        engine.is_free = True
+        assert manual.offer(engine, 0.0)  # type: ignore[arg-type]
+        manual.handle(CommandFailed(2, 5, "no"))
+        assert await first == CommandDone(1)
+        assert await second == CommandFailed(2, 5, "no")
+        assert engine.taken == [ClearAlarm(1), RunBlock(2, ("G28",))]
+        assert not manual.busy
+
+    run_simulated(main())
+
+
+def test_a_listing_answers_and_the_end_of_its_command_is_no_second_answer() -> None:
+    async def main() -> None:
+        manual, engine = Manual("router", asyncio.get_running_loop()), ScriptedEngine()
+        answer = manual.put(ListFiles)
+        manual.offer(engine, 0.0)  # type: ignore[arg-type]
+        listed = FilesListed(1, ("a.nc",), readable=True)
+        manual.handle(listed)
+        assert manual.busy
+        manual.handle(CommandDone(1))
+        assert await answer == listed
+        assert not manual.busy
+
+    run_simulated(main())
+
+
+def test_more_than_a_few_are_refused() -> None:
+    async def main() -> None:
+        manual = Manual("router", asyncio.get_running_loop())
+        for _ in range(QUEUE_LIMIT):
+            manual.put(ClearAlarm)
+        with pytest.raises(ProblemError) as refused:
+            manual.put(ClearAlarm)
+        assert refused.value.code == "machine_busy"
+
+    run_simulated(main())
+
+
+def test_jogs_can_be_taken_back_and_other_commands_not() -> None:
+    async def main() -> None:
+        manual = Manual("router", asyncio.get_running_loop())
+        jog, kept = manual.put(lambda token: RunBlock(token, ("X1",)), droppable=True), manual.put(ClearAlarm)
+        manual.drop_jogs()
+        with pytest.raises(ProblemError):
+            await jog
+        assert not kept.done()
+        assert manual.waiting
+
+    run_simulated(main())
+
+
+def test_everybody_is_answered_when_the_epoch_ends() -> None:
+    async def main() -> None:
+        manual, engine = Manual("router", asyncio.get_running_loop()), ScriptedEngine()
+        answers = [manual.put(ClearAlarm), manual.put(ClearAlarm)]
+        manual.offer(engine, 0.0)  # type: ignore[arg-type]
+        manual.epoch_ended()
+        for answer in answers:
+            with pytest.raises(ProblemError) as refused:
+                await answer
+            assert refused.value.code == "no_answer"
+        manual.handle(CommandDone(1))  # the late news of an engine that is gone
+        assert not manual.busy
+
+    run_simulated(main())
+
+
+def test_a_request_that_was_given_up_does_not_free_the_machine() -> None:
+    async def main() -> None:
+        manual, engine = Manual("router", asyncio.get_running_loop()), ScriptedEngine()
+        answer = manual.put(ClearAlarm)
+        manual.offer(engine, 0.0)  # type: ignore[arg-type]
+        answer.cancel()
+        assert manual.busy
+        manual.handle(CommandDone(1))
+        assert not manual.busy
+
+    run_simulated(main())

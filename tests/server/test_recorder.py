@@ -1,0 +1,35 @@
+"""The console and the dump of frames: bounded, and never wrong about what bytes were there."""
+
+from protocol.engine import Frame
+from protocol.events import MessageSeen
+from server.recorder import CONSOLE_MESSAGES, DUMPED_FRAMES, MESSAGE_CHARS, Recorder, dump
+
+
+def test_the_last_messages_oldest_first() -> None:
+    recorder = Recorder()
+    for number in range(5):
+        recorder.record(MessageSeen("<", f"OK,ID<#{number};"), f"at {number}")
+    assert [entry["text"] for entry in recorder.console(2)] == ["OK,ID<#3;", "OK,ID<#4;"]
+    assert recorder.console(1)[0] == {"at": "at 4", "direction": "<", "text": "OK,ID<#4;"}
+    assert recorder.console(0) == []
+    assert len(recorder.console(99)) == 5
+
+
+def test_it_is_bounded_in_messages_and_in_characters() -> None:
+    recorder = Recorder()
+    for _ in range(CONSOLE_MESSAGES + 10):
+        recorder.record(MessageSeen(">", "x" * 10_000), "now")
+    console = recorder.console(CONSOLE_MESSAGES * 2)
+    assert len(console) == CONSOLE_MESSAGES
+    assert {len(entry["text"]) for entry in console} == {MESSAGE_CHARS}
+
+
+def test_frames_say_how_long_ago_and_show_every_byte() -> None:
+    frames = [Frame(10.0, ">", b"READY;"), Frame(10.5, "<", b"\xff\x00OK;")]
+    assert dump(frames, now=11.0) == {
+        "frames": [
+            {"seconds_ago": 1.0, "direction": ">", "text": "READY;"},
+            {"seconds_ago": 0.5, "direction": "<", "text": "\\xff\x00OK;"},
+        ]
+    }
+    assert len(dump(frames * DUMPED_FRAMES, now=11.0)["frames"]) == DUMPED_FRAMES

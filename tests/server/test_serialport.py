@@ -1,0 +1,140 @@
+"""Ports of every kind: bytes both ways, exclusive, and one word about their loss."""
+
+import asyncio
+import os
+import pty
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from server.serialport import PortOpener, list_ports
+from tests.harness.simloop import run_simulated
+
+pytestmark = pytest.mark.real
+
+
+class Ends:
+    """What comes out of a port."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.lost: list[str] = []
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        async with asyncio.timeout(10):
+            while not condition():
+                await asyncio.sleep(0.001)
+
+
+@contextmanager
+def pseudo_terminal() -> Iterator[tuple[int, str]]:
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    name = os.ttyname(theirs)
+    os.close(theirs)
+    try:
+        yield ours, name
+    finally:
+        os.close(ours)
+
+
+def test_a_device_carries_bytes_both_ways() -> None:
+    async def main() -> None:
+        with pseudo_terminal() as (ours, name):
+            ends = Ends()
+            port = await PortOpener()(name, 115200, ends.data.extend, ends.lost.append)
+            port.write(b"INIT;")
+            assert os.read(ours, 100) == b"INIT;"
+            os.write(ours, b"READY;")
+            await ends.until(lambda: bytes(ends.data) == b"READY;")
+            port.close()
+            await asyncio.sleep(0)
+            assert ends.lost == [], "whoever closes it knows"
+
+    asyncio.run(main())
+
+
+def test_a_device_is_ours_alone() -> None:
+    async def main() -> None:
+        with pseudo_terminal() as (_ours, name):
+            ends = Ends()
+            port = await PortOpener()(name, 115200, ends.data.extend, ends.lost.append)
+            with pytest.raises(OSError, match="lock"):
+                await PortOpener()(name, 115200, ends.data.extend, ends.lost.append)
+            port.close()
+            await asyncio.sleep(0)
+
+    asyncio.run(main())
+
+
+def test_a_device_that_goes_away_is_lost_once() -> None:
+    async def main() -> None:
+        ends = Ends()
+        with pseudo_terminal() as (_ours, name):
+            port = await PortOpener()(name, 115200, ends.data.extend, ends.lost.append)
+        await ends.until(lambda: bool(ends.lost))
+        port.write(b"nobody hears this")
+        port.close()
+        await asyncio.sleep(0.01)
+        assert len(ends.lost) == 1
+
+    asyncio.run(main())
+
+
+def test_a_device_that_is_not_there() -> None:
+    async def main() -> None:
+        with pytest.raises(OSError, match="no-such-device"):
+            await PortOpener()("/dev/no-such-device", 115200, lambda _data: None, lambda _reason: None)
+
+    asyncio.run(main())
+
+
+def test_a_network_port_carries_bytes_both_ways_and_its_loss_is_told() -> None:
+    async def main() -> None:
+        heard = bytearray()
+
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            heard.extend(await reader.readexactly(5))
+            writer.write(b"READY;")
+            await writer.drain()
+            writer.close()
+
+        server = await asyncio.start_server(serve, "127.0.0.1", 0)
+        number = server.sockets[0].getsockname()[1]
+        ends = Ends()
+        port = await PortOpener()(f"tcp://127.0.0.1:{number}", 0, ends.data.extend, ends.lost.append)
+        port.write(b"INIT;")
+        await ends.until(lambda: bool(ends.lost))
+        assert (bytes(heard), bytes(ends.data), len(ends.lost)) == (b"INIT;", b"READY;", 1)
+        port.close()
+        server.close()
+        with pytest.raises(ConnectionRefusedError):
+            await PortOpener()(f"tcp://127.0.0.1:{number}", 0, ends.data.extend, ends.lost.append)
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize("url", ["tcp://nowhere", "tcp://:7"])
+def test_an_address_without_host_or_port(url: str) -> None:
+    async def main() -> None:
+        with pytest.raises(OSError, match="tcp://host:port"):
+            await PortOpener()(url, 0, lambda _data: None, lambda _reason: None)
+
+    asyncio.run(main())
+
+
+def test_the_built_in_machine_outlives_its_connections() -> None:
+    async def main() -> None:
+        opener, ends = PortOpener(), Ends()
+        for _ in range(2):
+            port = await opener("sim:?boot_s=0", 115200, ends.data.extend, ends.lost.append)
+            port.close()
+        assert len(opener._simulated) == 1
+
+    run_simulated(main())
+
+
+def test_the_ports_of_this_computer_can_be_listed() -> None:
+    assert all({"device", "description", "hardware_id"} == set(port) for port in list_ports())

@@ -1,0 +1,31 @@
+"""Work done elsewhere."""
+
+import asyncio
+import threading
+
+import pytest
+
+from server.worker import InlineWorker, ThreadWorker, Worker
+from tests.harness.simloop import run_simulated
+
+
+async def answers_and_errors_come_back(worker: Worker) -> None:
+    assert await worker.run(max, 3, 7) == 7
+    assert await worker.run(int, "ff", base=16) == 255
+    with pytest.raises(ZeroDivisionError):
+        await worker.run(lambda: 1 // 0)
+    worker.close()
+
+
+@pytest.mark.real
+def test_in_a_thread() -> None:
+    async def main() -> None:
+        worker = ThreadWorker("test")
+        assert await worker.run(threading.get_ident) != threading.get_ident()
+        await answers_and_errors_come_back(worker)
+
+    asyncio.run(main())
+
+
+def test_at_once() -> None:
+    run_simulated(answers_and_errors_come_back(InlineWorker()))
