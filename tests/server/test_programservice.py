@@ -1,0 +1,187 @@
+"""Programs for the API: uploads that are whole or nothing, source, check, and what is refused."""
+
+import asyncio
+import errno
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from jobs.program import Writer
+from server.app import Workshop
+from server.problems import ProblemError
+from server.programservice import SOURCE_LINES
+from tests.harness.simloop import run_simulated
+from tests.harness.workshop import MACHINE, Bench
+
+GOOD = b"G90\nG1 X1 F100\nM30\n"
+
+
+async def chunks(*data: bytes) -> AsyncIterator[bytes]:
+    for chunk in data:
+        yield chunk
+
+
+def told(folder: Path, story: Callable[[Workshop], Awaitable[None]]) -> None:
+    async def main() -> None:
+        bench = Bench(folder)
+        shop = await bench.start()
+        await story(shop)
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(path.name for path in (folder / "programs").iterdir())
+
+
+async def refusal(work: Awaitable[Any]) -> ProblemError:
+    with pytest.raises(ProblemError) as refused:
+        await work
+    return refused.value
+
+
+def test_an_upload_in_pieces_is_one_program_and_the_same_again_is_not_new(tmp_path: Path) -> None:
+    async def story(shop: Workshop) -> None:
+        program, created = await shop.programs.store(chunks(GOOD[:5], GOOD[5:]), "a.nc")
+        assert (program["lines"], program["bytes"], created) == (3, len(GOOD), True)
+        again, created = await shop.programs.store(chunks(GOOD), "b.nc")
+        assert (again["id"], again["name"], created) == (program["id"], "a.nc", False)
+        assert [row["id"] for row in await shop.programs.list()] == [program["id"]]
+        assert await shop.programs.get(program["id"]) == program
+
+    told(tmp_path, story)
+
+
+@pytest.mark.parametrize(
+    ("data", "code"),
+    [((b"\x7fELF\x00\x01",), "not_a_program"), ((), "empty_program"), ((b"G0 X1\n" * 1000,) * 3, "too_large")],
+)
+def test_what_is_refused_leaves_nothing(tmp_path: Path, data: tuple[bytes, ...], code: str) -> None:
+    async def story(shop: Workshop) -> None:
+        shop.programs._max_upload_bytes = 10_000
+        assert (await refusal(shop.programs.store(chunks(*data), "a.nc"))).code == code
+        assert files(tmp_path) == []
+        assert await shop.programs.list() == []
+
+    told(tmp_path, story)
+
+
+@pytest.mark.parametrize("where", ["write", "finish"])
+def test_a_full_disk_leaves_nothing(tmp_path: Path, where: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_writer: Writer, *_data: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    async def story(shop: Workshop) -> None:
+        monkeypatch.setattr(Writer, where, full)
+        assert (await refusal(shop.programs.store(chunks(GOOD), "a.nc"))).code == "disk_full"
+        assert files(tmp_path) == []
+
+    told(tmp_path, story)
+
+
+def test_an_upload_that_breaks_off_leaves_nothing(tmp_path: Path) -> None:
+    async def broken() -> AsyncIterator[bytes]:
+        yield GOOD
+        raise ConnectionResetError(errno.ECONNRESET, "gone")
+
+    async def story(shop: Workshop) -> None:
+        with pytest.raises(ConnectionResetError):
+            await shop.programs.store(broken(), "a.nc")
+        assert files(tmp_path) == []
+
+    told(tmp_path, story)
+
+
+def test_an_upload_that_is_given_up_leaves_nothing(tmp_path: Path) -> None:
+    async def endless() -> AsyncIterator[bytes]:
+        while True:
+            yield b"G0 X1\n"
+            await asyncio.sleep(1)
+
+    async def story(shop: Workshop) -> None:
+        upload = asyncio.ensure_future(shop.programs.store(endless(), "a.nc"))
+        await asyncio.sleep(5)
+        assert files(tmp_path) != []
+        upload.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await upload
+        assert files(tmp_path) == []
+
+    told(tmp_path, story)
+
+
+def test_source_has_numbers_and_bounds(tmp_path: Path) -> None:
+    async def story(shop: Workshop) -> None:
+        program, _ = await shop.programs.store(chunks(b"G0 X1\n" * (SOURCE_LINES + 100)), "a.nc")
+        source = await shop.programs.source(program["id"], 2, 3)
+        assert source["lines"] == [{"line": 2, "text": "G0 X1"}, {"line": 3, "text": "G0 X1"}]
+        assert len((await shop.programs.source(program["id"], 1, 10**9))["lines"]) == SOURCE_LINES
+        assert (await refusal(shop.programs.source("f" * 64, 1, 2))).code == "unknown_program"
+
+    told(tmp_path, story)
+
+
+def test_the_check_is_made_once_and_forgotten_with_the_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def story(shop: Workshop) -> None:
+        program, _ = await shop.programs.store(chunks(GOOD), "a.nc")
+        made: list[Any] = []
+        check = shop.programs._planning.check
+        monkeypatch.setattr(shop.programs._planning, "check", lambda *args: made.append(args) or check(*args))
+        for _ in range(3):
+            report = await shop.programs.check(program["id"], machine=MACHINE)
+        assert (report["errors"], report["lines"], len(made)) == ([], 3, 1)
+        await shop.programs.check(program["id"], profile="elvinto")
+        assert len(made) == 2
+        await shop.programs.delete(program["id"])
+        assert (await refusal(shop.programs.check(program["id"], machine=MACHINE))).code == "unknown_program"
+
+    told(tmp_path, story)
+
+
+@pytest.mark.parametrize(
+    ("against", "code"),
+    [({"machine": "nobody"}, "unknown_machine"), ({"profile": "nothing"}, "invalid_request")],
+)
+def test_a_check_against_what_does_not_exist(tmp_path: Path, against: dict[str, str], code: str) -> None:
+    async def story(shop: Workshop) -> None:
+        program, _ = await shop.programs.store(chunks(GOOD), "a.nc")
+        assert (await refusal(shop.programs.check(program["id"], **against))).code == code
+
+    told(tmp_path, story)
+
+
+def test_a_program_that_a_job_needs_stays(tmp_path: Path) -> None:
+    async def story(shop: Workshop) -> None:
+        program, _ = await shop.programs.store(chunks(GOOD), "a.nc")
+        job = await shop.jobs.create(program["id"], MACHINE, force=True, hold=True)
+        assert (await refusal(shop.programs.delete(program["id"]))).code == "program_in_use"
+        await shop.jobs.cancel(job["id"])
+        await shop.programs.delete(program["id"])
+        assert files(tmp_path) == []
+        assert (await refusal(shop.programs.delete(program["id"]))).code == "unknown_program"
+
+    told(tmp_path, story)
+
+
+def test_a_file_that_somebody_took_away(tmp_path: Path) -> None:
+    async def story(shop: Workshop) -> None:
+        program, _ = await shop.programs.store(chunks(GOOD), "a.nc")
+        (tmp_path / "programs" / f"{program['id']}.nc").unlink()
+        assert (await refusal(shop.programs.source(program["id"], 1, 2))).code == "unknown_program"
+
+    told(tmp_path, story)
+
+
+def test_other_errors_of_the_disk_are_errors_of_the_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_writer: Writer, _data: bytes) -> None:
+        raise OSError(errno.EIO, "I/O error")
+
+    async def story(shop: Workshop) -> None:
+        monkeypatch.setattr(Writer, "write", broken)
+        with pytest.raises(OSError, match="I/O error"):
+            await shop.programs.store(chunks(GOOD), "a.nc")
+
+    told(tmp_path, story)
