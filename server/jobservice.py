@@ -196,12 +196,12 @@ class JobService:
 
     async def _passed(self, program_id: str, machine: str, *, force: bool) -> dict[str, Any]:
         report = await self._programs.check(program_id, machine=machine)
+        if report["blocks"] == 0:
+            raise ProblemError("empty_program", "The program has no blocks to execute.")
         if report["errors"]:
             worst = report["errors"][0]
             detail = f"Line {worst['line']}: {worst['message']}. Mend the program; errors cannot be forced."
             raise ProblemError("preflight_failed", detail, report=report)
-        if report["blocks"] == 0:
-            raise ProblemError("empty_program", "The program has no blocks to execute.")
         if report["warnings"] and not force:
             worst = report["warnings"][0]
             detail = (
