@@ -61,6 +61,12 @@ class Daemon:
         return str(self.http.base_url)
 
     @property
+    def pid(self) -> int:
+        """Of the process that runs now."""
+        assert self._process is not None, "the daemon is not running"
+        return self._process.pid
+
+    @property
     def http(self) -> httpx.Client:
         """A client of the daemon that runs now."""
         assert self._http is not None, "the daemon is not running"
