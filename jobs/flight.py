@@ -19,6 +19,11 @@ class Outcome:
     message: str = ""
 
 
+MACHINE_GONE = Outcome(
+    Status.INTERRUPTED, "machine_restarted", "The machine restarted in the middle of the job: its position is unknown."
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Adopted:
     """What the database knows of a job that was under way when the daemon died."""

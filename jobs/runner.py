@@ -18,7 +18,7 @@ from typing import Any
 
 from jobs.effects import Effect, Entry, JournalBatch, Note, RowStatus, SetHold, SetStatus, Submit
 from jobs.feed import Ahead, BatchSource, Feed
-from jobs.flight import Adopted, Inheritance, LinkSide, Outcome, Wishes
+from jobs.flight import MACHINE_GONE, Adopted, Inheritance, LinkSide, Outcome, Wishes
 from jobs.job import ENDED, JobError, Status
 from jobs.ledger import Flight, Ledger
 from protocol.commands import Position
@@ -34,10 +34,6 @@ from protocol.events import (
     LinkReady,
     MachineRestarted,
     StateReported,
-)
-
-MACHINE_GONE = Outcome(
-    Status.INTERRUPTED, "machine_restarted", "The machine restarted in the middle of the job: its position is unknown."
 )
 
 
@@ -98,12 +94,18 @@ class Runner:
         return self.status in ENDED and not self.ledger.open
 
     @property
+    def linked(self) -> bool:
+        """The machine takes commands; what became of everything before is settled."""
+        return self._link.up
+
+    @property
     def holding(self) -> bool:
         """A pause is demanded (the batch in flight may still be executing)."""
         return self._wishes.hold
 
     @property
     def cancelling(self) -> bool:
+        """Its end is demanded."""
         return self._wishes.cancel
 
     @property

@@ -32,6 +32,7 @@ class Controller(Machine):
         if link is not None:
             link.realtime(EmergencyStop(self.manual.next_token()))
         self.manual.sweep(ProblemError("command_failed", "The emergency stop was demanded."))
+        self.stream.reserved_cancelled = True
         if self.stream.runner is not None:
             self.stream.react(self.stream.runner.emergency())
         self.stream.note("estop_demanded", job=job, reached_wire=link is not None)
@@ -62,6 +63,8 @@ class Controller(Machine):
         if runner is not None:
             self.stream.note("cancel_demanded")
             self.stream.react(runner.cancel())
+        elif self.stream.reserved is not None:
+            self.stream.reserved_cancelled = True
         elif not had_manual:
             raise ProblemError("wrong_state", f"Nothing is running on {self.name}.")
 

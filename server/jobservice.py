@@ -181,7 +181,7 @@ class JobService:
             raise ProblemError("queue_full", f"{self._queue_limit} jobs wait for {machine} (server.queue_limit).")
         row = _same_request(made, request_hash)
         self._hub.publish("job", machine, self._view(row))
-        await self.start_next(machine)
+        await self._background.finish(self.start_next(machine))
         return await self.get(row["id"])
 
     def _must_wait(self, controller: Controller) -> bool:
@@ -273,16 +273,13 @@ class JobService:
         if not controller.stream.moving:
             controller.check_can_start()
         await self.db.run(store.set_hold, job_id, False)
-        await self.start_next(row["machine"])
+        await self._background.finish(self.start_next(row["machine"]))
         return await self.get(job_id)
 
     async def cancel(self, job_id: int) -> dict[str, Any]:
         """End it, after the batch in flight. Raises ProblemError."""
         if (controller := self._has_machine(job_id)) is not None:
-            if controller.stream.reserved == job_id:
-                self._starter.cancel(job_id)
-            else:
-                controller.stop()
+            controller.stop()
             return await self.get(job_id)
         row = await self._waiting(job_id, "be cancelled")
         await self._starter.set_status(row, Status.CANCELLED)
@@ -321,7 +318,7 @@ class JobService:
             log.info("%s: job %d is put on hold: %s", controller.name, row["id"], problem)
             await self.db.run(store.hold_queue, controller.name)
             return None
-        controller.stream.reserved = row["id"]
+        controller.stream.reserve(row["id"])
         return row
 
     async def adopt(self) -> None:

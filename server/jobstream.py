@@ -47,6 +47,8 @@ class JobStream:
         self.runner: Runner | None = None
         self.row: Row | None = None
         self.reserved: int | None = None
+        """The job whose program is being read, and whether somebody does not want it to begin any more."""
+        self.reserved_cancelled = False
         self.on_status: Callable[[Status], None] = lambda _status: None
         self._db = db
         self._hub = hub
@@ -89,11 +91,19 @@ class JobStream:
             return None
         return job_view(self.row, self._clock, self.runner)
 
+    def reserve(self, job: int) -> None:
+        """Nothing else may use the machine while this job's program is read."""
+        self.reserved, self.reserved_cancelled = job, False
+
+    def release(self) -> bool:
+        """The program is read; whether the job may still begin."""
+        self.reserved = None
+        return not self.reserved_cancelled
+
     # --- the job ----------------------------------------------------------------------------------------------
 
     def begin(self, row: Row, runner: Runner, effects: list[Effect]) -> None:
         """The machine is this job's from now on."""
-        self.reserved = None
         self.row = row
         self.runner = runner
         self.react(effects)
@@ -159,8 +169,8 @@ class JobStream:
         self.react(self.runner.handle(event, now=self._loop.time(), at=stamp(self._clock)))
 
     def heard(self) -> None:
-        """The machine gave a sign of life."""
-        if self.runner is not None and self._loop.time() - self._alive_at >= ALIVE_EVERY_S:
+        """The machine gave a sign of life. While a fate is being settled it does not count: the break goes on."""
+        if self.runner is not None and self.runner.linked and self._loop.time() - self._alive_at >= ALIVE_EVERY_S:
             self.alive()
 
     def alive(self) -> None:

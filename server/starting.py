@@ -41,11 +41,16 @@ class Background:
     def __init__(self) -> None:
         self._tasks: set[asyncio.Task[None]] = set()
 
-    def begin(self, work: Coroutine[Any, Any, None]) -> None:
+    def begin(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         """Have it done."""
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+        return task
+
+    async def finish(self, work: Coroutine[Any, Any, None]) -> None:
+        """Have it done and wait for it; it goes on when whoever waits does not any more."""
+        await asyncio.shield(self.begin(work))
 
     async def close(self) -> None:
         """Cancel what still goes on."""
@@ -76,17 +81,12 @@ class Starter:
         self._hub = hub
         self._clock = clock
         self._background = background
-        self._cancelled: set[int] = set()
-
-    def cancel(self, job_id: int) -> None:
-        """The job that is being prepared is not to begin."""
-        self._cancelled.add(job_id)
 
     async def start(self, controller: Controller, row: Row) -> None:
         """Plan the program and begin. The machine is reserved for this job."""
-        await self.set_status(row, Status.CHECKING)
         state = controller.state
         try:
+            await self.set_status(row, Status.CHECKING)
             plan = await self.worker.run(
                 self.planning.start,
                 self.pieces[controller.name],
@@ -96,20 +96,18 @@ class Starter:
                 absolute=state.absolute,
             )
         except UNSTARTABLE as error:
-            controller.stream.reserved = None
             code = "not_plannable" if isinstance(error, CannotStartError | PlanError) else "program_missing"
             await self.set_status(row, Status.FAILED, JobError(code, str(error)))
             await self._db.run(store.hold_queue, controller.name)
             return
-        if row["id"] in self._cancelled:
-            self._cancelled.discard(row["id"])
-            controller.stream.reserved = None
+        finally:
+            wanted = controller.stream.release()
+        if not wanted:
             await self.set_status(row, Status.CANCELLED)
             return
         await self._begin(controller, row, plan)
 
     async def _begin(self, controller: Controller, row: Row, plan: Plan) -> None:
-        controller.stream.reserved = None
         try:
             controller.check_can_start()
         except ProblemError as problem:
