@@ -28,6 +28,10 @@ log = logging.getLogger(__name__)
 
 GROUP = 64
 """Most posted functions in one transaction: one sync of the disk for all of them."""
+LINGER_S = 0.02
+"""What nobody waits for (the end of a batch) waits so long for something to go with: the row of the next batch mostly.
+Each sync of the disk it is spared is one that the stream does not wait for. After a crash it is not known: the end of
+a batch that was not durable yet is what recovery is for (elvinto §5.4)."""
 RETRY_S = 0.5
 """Between two attempts of a write that failed."""
 
@@ -92,6 +96,8 @@ class _Shared:
 
     wake: threading.Condition = field(default_factory=threading.Condition)
     waiting: deque[_Post | _Run] = field(default_factory=deque)
+    due: bool = False
+    """Somebody waits for something of `waiting`, or it has waited long enough."""
     closing: bool = False
     trouble: str | None = None
 
@@ -102,6 +108,8 @@ class DbThread:
     def __init__(self, path: Path, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
         self._shared = _Shared()
+        self._alarm: asyncio.Handle | None = None
+        self._hurried = False
         self._db = Database(sqlite3.connect(path, check_same_thread=False))
         prepare(self._db)
         self._thread = threading.Thread(target=self._main, name="database", daemon=True)
@@ -113,24 +121,42 @@ class DbThread:
 
     async def run(self, fn: Callable[Concatenate[Database, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
         future: asyncio.Future[T] = self._loop.create_future()
-        self._put(_Run(lambda db: fn(db, *args, **kwargs), future))
+        with self._shared.wake:
+            self._shared.waiting.append(_Run(lambda db: fn(db, *args, **kwargs), future))
+        self._wake()
         return await future
 
     def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
-        self._put(_Post(fn, args, then))
+        with self._shared.wake:
+            self._shared.waiting.append(_Post(fn, args, then))
+        if then is not None and not self._hurried:
+            # Not before this step of the loop has ended: all that it posts is one transaction.
+            self._quiet()
+            self._hurried = True
+            self._alarm = self._loop.call_soon(self._wake)
+        elif self._alarm is None:
+            self._alarm = self._loop.call_later(LINGER_S, self._wake)
 
     async def close(self) -> None:
         """Everything posted is written (or given up, when it cannot be), then the thread ends."""
+        self._quiet()
         with self._shared.wake:
             self._shared.closing = True
             self._shared.wake.notify()
         await asyncio.to_thread(self._thread.join)
         self._db.close()
 
-    def _put(self, item: _Post | _Run) -> None:
+    def _wake(self) -> None:
+        self._quiet()
         with self._shared.wake:
-            self._shared.waiting.append(item)
+            self._shared.due = True
             self._shared.wake.notify()
+
+    def _quiet(self) -> None:
+        self._hurried = False
+        if self._alarm is not None:
+            self._alarm.cancel()
+            self._alarm = None
 
     def _main(self) -> None:
         while (work := self._take()) is not None:
@@ -143,9 +169,10 @@ class DbThread:
         """The next request, or the next posted functions up to it; None at the end."""
         shared = self._shared
         with shared.wake:
-            while not shared.waiting:
+            while not (shared.waiting and (shared.due or shared.closing)):
                 if shared.closing:
                     return None
+                shared.due = False
                 shared.wake.wait()
             group: list[_Post] = []
             while shared.waiting and len(group) < GROUP:
@@ -154,6 +181,7 @@ class DbThread:
                     return group or self._pop_run()
                 group.append(head)
                 shared.waiting.popleft()
+            shared.due = bool(shared.waiting)
             return group
 
     def _pop_run(self) -> _Run:

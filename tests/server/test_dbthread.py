@@ -196,3 +196,48 @@ def test_a_request_that_was_given_up_disturbs_nobody(tmp_path: Path) -> None:
             assert await db.run(numbers) == []
 
     asyncio.run(main())
+
+
+class Grouping(DbThread):
+    """Remembers how many posted functions each transaction had."""
+
+    def __init__(self, path: Path, loop: asyncio.AbstractEventLoop) -> None:
+        self.groups: list[int] = []
+        super().__init__(path, loop)
+
+    def _commit(self, group: list[Any]) -> None:
+        self.groups.append(len(group))
+        super()._commit(group)
+
+
+@pytest.mark.real
+def test_what_one_step_posts_is_one_transaction(tmp_path: Path) -> None:
+    async def main() -> None:
+        db = Grouping(tmp_path / "m.db", asyncio.get_running_loop())
+        await db.run(lambda db: db.execute("create table t (n integer)"))
+        for round_ in range(5):
+            durable = asyncio.Event()
+            db.post(put, 2 * round_)
+            db.post(put, 2 * round_ + 1, then=durable.set)
+            await durable.wait()
+        assert db.groups == [2] * 5
+        assert await db.run(numbers) == list(range(10))
+        await db.close()
+
+    asyncio.run(main())
+
+
+@pytest.mark.real
+def test_what_nobody_waits_for_is_written_all_the_same(tmp_path: Path) -> None:
+    async def main() -> None:
+        db = Grouping(tmp_path / "m.db", asyncio.get_running_loop())
+        await db.run(lambda db: db.execute("create table t (n integer)"))
+        db.post(put, 1)
+        async with asyncio.timeout(30):
+            while not db.groups:  # written by the linger alone: nothing else is asked of the thread
+                await asyncio.sleep(0)
+        db.post(put, 2)
+        await db.close()
+        assert db.groups == [1, 1], "closing waits for what lingers"
+
+    asyncio.run(main())
