@@ -1,6 +1,7 @@
 """Programs by seed: a fine relief of many short moves, an ordinary part, long strokes.
 
-Lines come one by one, however many. The one rule: the same arguments give the same program, and it runs on the virtual machine as it is (800 x 600 mm).
+Lines come one by one, however many. The one rule: the same arguments give the same program, and it runs on the virtual
+machine as it is (800 x 600 mm).
 """
 
 import math
