@@ -245,11 +245,9 @@ class JobService:
         if status is Status.COMPLETED:
             self._background.begin(self.start_next(machine))
         elif status in ENDED:
-            self._background.begin(self._hold(machine))
-
-    async def _hold(self, machine: str) -> None:
-        await self.db.run(store.hold_queue, machine)
-        await self.announce_queue(machine)
+            # Posted at once: a wish that comes after this end (let the next one go) must not be overtaken by it.
+            self.db.post(store.hold_queue, machine)
+            self._background.begin(self.announce_queue(machine))
 
     # --- wishes -----------------------------------------------------------------------------------------------
 

@@ -1,0 +1,160 @@
+"""Recovery: what the plan says and when `continue` and `from_line` are refused. The whole stories are scenarios."""
+
+import asyncio
+from collections.abc import Awaitable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from server.problems import ProblemError
+from tests.harness.simloop import run_simulated, until
+from tests.harness.workshop import MACHINE, Bench
+
+PROGRAM = "G90\n" + "".join(f"G1 X{i} Y{i % 7} F6000\n" for i in range(1, 60)) + "M30\n"
+
+
+async def interrupted(bench: Bench) -> int:
+    """A job that was interrupted by a break; its position is proven."""
+    shop = await bench.connected()
+    job = await bench.job(PROGRAM)
+    await until(lambda: len(bench.executed()) >= 25, within_s=60, step_s=0.01)
+    bench.cable.pull()
+    await bench.status(job["id"], "interrupted")
+    bench.cable.plugged = True
+    await until(lambda: shop.machines[MACHINE].link_status == "connected", within_s=60)
+    return int(job["id"])
+
+
+async def refusal(work: Awaitable[Any]) -> ProblemError:
+    with pytest.raises(ProblemError) as refused:
+        await work
+    return refused.value
+
+
+def bench_with(folder: Path, **options: Any) -> Bench:
+    return Bench(folder, options={"resume_within": 0, **options})
+
+
+def test_the_plan_names_what_is_certain_and_what_would_be_sent(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = bench_with(tmp_path)
+        job = await interrupted(bench)
+        shop = bench.shop
+        assert shop is not None
+        plan = await shop.jobs.recover(job)
+        assert plan["certain_line"] == len(bench.executed())
+        assert plan["next_line"] == plan["certain_line"] + 1
+        assert (plan["line_from"], plan["line_to"], plan["restarted"]) == (None, None, False)
+        assert plan["position"] == plan["position_expected"]
+        assert plan["reason"]["code"] == "break_too_long"
+        assert (plan["can_continue"], plan["why_not"]) == (True, None)
+        assert plan["blocks"][:3] == ["G90", "G1", "F6000"]
+        assert plan["blocks"][3] == f"X{plan['certain_line']}Y{plan['certain_line'] % 7}"
+        stood = len(bench.executed())
+        await asyncio.sleep(60)
+        assert len(bench.executed()) == stood, "a plan moves nothing"
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_only_interrupted_jobs_are_recovered(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = bench_with(tmp_path)
+        shop = await bench.connected()
+        job = await bench.job(PROGRAM)
+        assert (await refusal(shop.jobs.recover(job["id"]))).code == "wrong_state"
+        await bench.status(job["id"], "completed")
+        assert (await refusal(shop.jobs.recover(job["id"], "continue"))).code == "wrong_state"
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_refusals_change_nothing(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = bench_with(tmp_path)
+        job = await interrupted(bench)
+        shop = bench.shop
+        assert shop is not None
+        recover = shop.jobs.recover
+        assert (await refusal(recover(job, "from_line"))).code == "invalid_request"
+        assert (await refusal(recover(job, "from_line", 62))).code == "invalid_request"
+        bench.cable.pull()
+        assert (await refusal(recover(job, "continue"))).code == "not_connected"
+        assert (await refusal(recover(job, "from_line", 10))).code == "not_connected"
+        assert (await shop.jobs.get(job))["status"] == "interrupted"
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_an_alarm_stands_in_the_way(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = bench_with(tmp_path)
+        job = await interrupted(bench)
+        shop = bench.shop
+        assert shop is not None
+        bench.machine.press_emergency(asyncio.get_running_loop().time())
+        bench.cable.touch()
+        await until(lambda: shop.machines[MACHINE].state.status == "alarm", within_s=10)
+        assert (await refusal(shop.jobs.recover(job, "continue"))).code == "alarm_active"
+        assert (await shop.jobs.get(job))["status"] == "interrupted"
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_a_line_that_goes_on_with_an_arc_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = bench_with(tmp_path)
+        shop = await bench.connected()
+        arcs = (
+            "G90\nG1 X0 Y0 F600\n" + "".join(f"G1 X{i}\n" for i in range(1, 20)) + "G2 X30 Y0 I5.5 J0\nX40 Y0 I5 J0\n"
+        )
+        job = (await bench.job(arcs))["id"]
+        await until(lambda: len(bench.executed()) >= 5, within_s=60, step_s=0.01)
+        bench.cable.pull()
+        await bench.status(job, "interrupted")
+        bench.cable.plugged = True
+        await until(lambda: shop.machines[MACHINE].link_status == "connected", within_s=60)
+        refused = await refusal(shop.jobs.recover(job, "from_line", 23))
+        assert refused.code == "wrong_state"
+        assert "names its own motion" in refused.detail
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_an_interrupted_job_can_be_cancelled_and_its_machine_used(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = bench_with(tmp_path)
+        job = await interrupted(bench)
+        shop = bench.shop
+        assert shop is not None
+        other = await bench.job(PROGRAM)
+        assert (other["status"], other["hold"]) == ("queued", True), "somebody has to decide first"
+        assert (await shop.jobs.cancel(job))["status"] == "cancelled"
+        await shop.jobs.resume(other["id"])
+        await bench.status(other["id"], "completed")
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_a_daemon_before_this_one_may_have_interrupted_it(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = bench_with(tmp_path)
+        job = await interrupted(bench)
+        bench.crash()
+        shop = await bench.connected()
+        plan = await shop.jobs.recover(job)
+        assert plan["can_continue"]
+        await shop.jobs.recover(job, "continue")
+        view = await bench.status(job, "completed")
+        assert view["error"] is None
+        assert view["progress"]["line"] == 61
+        await shop.stop()
+
+    run_simulated(main())
