@@ -162,6 +162,21 @@ def move(db: Database, id: int, place: int) -> bool:
     return True
 
 
+def leave_queue(db: Database, id: int, after: Status, *, at: str) -> bool:
+    """A job that waits begins to be checked, or is cancelled. False, and nothing is changed, where it does not wait any
+    more, or is to begin and was put on hold: looking and doing are one transaction, for both may be asked at once."""
+    row = job(db, id)
+    if row is None or row["status"] != Status.QUEUED or (after is Status.CHECKING and row["hold"]):
+        return False
+    set_status(db, id, SetStatus(Status.QUEUED, after, row["line_done"]), at=at)
+    return True
+
+
+def hold_waiting(db: Database, id: int, hold: bool) -> bool:
+    """Whether a job that waits in the queue is on hold; False, and nothing is changed, where it does not wait any more."""
+    return db.execute("update jobs set hold = ? where id = ? and status = 'queued'", [hold, id]).rowcount == 1
+
+
 def set_hold(db: Database, id: int, hold: bool) -> None:
     """Whether the job is to stand still."""
     db.execute("update jobs set hold = ? where id = ?", [hold, id])

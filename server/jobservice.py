@@ -257,7 +257,8 @@ class JobService:
             controller.pause()
             return await self.get(job_id)
         row = await self._waiting(job_id, "be paused")
-        await self.db.run(store.set_hold, job_id, True)
+        if not await self.db.run(store.hold_waiting, job_id, True):
+            return await self.pause(job_id)  # it has begun in this moment
         await self.announce_queue(row["machine"])
         return await self.get(job_id)
 
@@ -270,7 +271,7 @@ class JobService:
         controller = self.machine(row["machine"])
         if not controller.stream.moving:
             controller.check_can_start()
-        await self.db.run(store.set_hold, job_id, False)
+        await self.db.run(store.hold_waiting, job_id, False)
         await self._background.finish(self.start_next(row["machine"]))
         return await self.get(job_id)
 
@@ -280,7 +281,8 @@ class JobService:
             controller.stop()
             return await self.get(job_id)
         row = await self._waiting(job_id, "be cancelled")
-        await self._starter.set_status(row, Status.CANCELLED)
+        if not await self._starter.leave_queue(row, Status.CANCELLED):
+            return await self.cancel(job_id)  # it has begun in this moment
         await self.announce_queue(row["machine"])
         return await self.get(job_id)
 
@@ -298,10 +300,11 @@ class JobService:
 
     async def start_next(self, machine: str) -> None:
         """Start the first job of the queue that is not on hold, if the machine can take it."""
-        async with self._choosing[machine]:
-            row = await self._choose(self.machines[machine])
-        if row is not None:
-            await self._starter.start(self.machines[machine], row)
+        taken = False
+        while not taken:
+            async with self._choosing[machine]:
+                row = await self._choose(self.machines[machine])
+            taken = row is None or await self._starter.start(self.machines[machine], row)
         await self.announce_queue(machine)
 
     async def _choose(self, controller: Controller) -> Row | None:

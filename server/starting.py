@@ -82,11 +82,12 @@ class Starter:
         self._clock = clock
         self._background = background
 
-    async def start(self, controller: Controller, row: Row) -> None:
-        """Plan the program and begin. The machine is reserved for this job."""
+    async def start(self, controller: Controller, row: Row) -> bool:
+        """Plan the program and begin. The machine is reserved for this job. False: it does not wait any more."""
         state = controller.state
         try:
-            await self.set_status(row, Status.CHECKING)
+            if not await self.leave_queue(row, Status.CHECKING):
+                return False
             plan = await self.worker.run(
                 self.planning.start,
                 self.pieces[controller.name],
@@ -99,13 +100,14 @@ class Starter:
             code = "not_plannable" if isinstance(error, CannotStartError | PlanError) else "program_missing"
             await self.set_status(row, Status.FAILED, JobError(code, str(error)))
             await self._db.run(store.hold_queue, controller.name)
-            return
+            return True
         finally:
             wanted = controller.stream.release()
-        if not wanted:
+        if wanted:
+            await self._begin(controller, row, plan)
+        else:
             await self.set_status(row, Status.CANCELLED)
-            return
-        await self._begin(controller, row, plan)
+        return True
 
     async def _begin(self, controller: Controller, row: Row, plan: Plan) -> None:
         try:
@@ -143,6 +145,16 @@ class Starter:
         """Of a job that no runner has."""
         effect = SetStatus(Status(row["status"]), status, row["line_done"], error=error)
         await self._db.run(store.set_status, row["id"], effect, at=stamp(self._clock))
+        await self._announce(row)
+
+    async def leave_queue(self, row: Row, status: Status) -> bool:
+        """Of a job that waits: it is checked or cancelled now. False, and nothing is changed, where it waits no more."""
+        left = await self._db.run(store.leave_queue, row["id"], status, at=stamp(self._clock))
+        if left:
+            await self._announce(row)
+        return left
+
+    async def _announce(self, row: Row) -> None:
         now = await self._db.run(store.job, row["id"])
         assert now is not None
         self._hub.publish("job", row["machine"], job_view(now, self._clock))

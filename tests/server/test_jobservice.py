@@ -1,5 +1,7 @@
 """The queue for the API: what is refused, what is ordered, and what does not start by itself."""
 
+import asyncio
+import contextlib
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -172,5 +174,52 @@ def test_announcements_of_a_queue(tmp_path: Path) -> None:
         await bench.job(PROGRAM, hold=True)
         assert shop.hub.published["queue"] > before.get("queue", 0)
         assert shop.hub.published["job"] > before.get("job", 0)
+
+    told(tmp_path, story)
+
+
+def slowed(bench: Bench, seconds: float) -> None:
+    """The database answers like a thread would: later, and what others asked meanwhile comes in between."""
+    db = bench.databases[-1]
+    at_once = db.run
+
+    async def run(*args: Any, **kwargs: Any) -> Any:
+        await asyncio.sleep(seconds)
+        result = await at_once(*args, **kwargs)
+        await asyncio.sleep(seconds)
+        return result
+
+    db.run = run  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize("after_steps", range(9))
+@pytest.mark.parametrize("verb", ["cancel", "pause"])
+def test_a_job_that_begins_at_the_very_moment_when_it_is_taken_back(
+    tmp_path: Path, verb: str, after_steps: int
+) -> None:
+    async def story(bench: Bench) -> None:
+        jobs = bench.shop.jobs  # type: ignore[union-attr]
+        job = await bench.job(PROGRAM, hold=True)
+        slowed(bench, 0.01)
+        going = asyncio.ensure_future(jobs.resume(job["id"]))
+        await asyncio.sleep(0.01 * after_steps + 0.005)
+        try:
+            await getattr(jobs, verb)(job["id"])
+            obeyed = True
+        except ProblemError as problem:
+            assert problem.code == "wrong_state"  # noqa: PT017 - either answer will do, if it is true
+            obeyed = False
+        with contextlib.suppress(ProblemError):
+            await going
+        await asyncio.sleep(1.0)
+        view = await jobs.get(job["id"])
+        if obeyed:
+            assert view["status"] == {"cancel": "cancelled", "pause": "queued"}[verb]
+            assert bench.executed() == []
+        if view["status"] == "queued":
+            await jobs.cancel(job["id"])
+        # The machine and the database are there for the next one.
+        following = await bench.job(PROGRAM)
+        await bench.status(following["id"], "completed")
 
     told(tmp_path, story)
