@@ -110,6 +110,10 @@ def invalid_request(errors: Any) -> ProblemError:
 def _sentence(error: Mapping[str, Any]) -> str:
     if error["type"] == "extra_forbidden":
         return "this field does not exist"
+    if error["type"] == "value_error":
+        return str(error.get("ctx", {}).get("error", error["msg"]))[
+            :MAX_ECHO_CHARS
+        ]  # our own words, without pydantic's before them
     if error["loc"] == ("body",):
         return "a JSON object is needed, sent with Content-Type: application/json"
     return str(error["msg"])[:MAX_ECHO_CHARS]

@@ -90,6 +90,13 @@ def test_json_without_its_content_type_says_what_to_do(ask: Ask) -> None:
     assert "Content-Type: application/json" in is_problem(answer, 422, "invalid_request")["detail"]
 
 
+def test_what_is_wrong_with_a_body_as_a_whole_is_said(ask: Ask) -> None:
+    answer = ask("POST", "/api/v1/machines/router/jog", json={"feed": 500})
+    detail = is_problem(answer, 422, "invalid_request")["detail"]
+    assert "name at least one of the axes" in detail
+    assert "Content-Type" not in detail
+
+
 @pytest.mark.parametrize(
     ("path", "field"),
     [
