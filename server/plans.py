@@ -66,6 +66,8 @@ class Planning:
     def start(self, piece: Workpiece, row: Row, *, line: int, position: Position, absolute: bool | None) -> Plan:
         """Begin at `line`, the machine standing at `position`. From the middle, the modal state is restored first."""
         last, encoding = row["end_line"], piece.encoding
+        if line > last:
+            return Plan(self._planner(piece, ()), line)
         if line <= 1:
             lines = self._lines(row, 1, last)
             return Plan(_opened(self._planner(piece, lines, position=position, absolute=absolute)), 1)

@@ -34,7 +34,9 @@ class Recovery:
         if action == "continue":
             self._check_continue(controller, row, past.position)
             line = row["line_done"] + 1
-        if line is None or not row["start_line"] <= line <= row["end_line"]:
+        # Behind the last line there is one thing left to do for `continue`: to say that the job is complete.
+        last = row["end_line"] + (action == "continue")
+        if line is None or not row["start_line"] <= line <= last:
             raise ProblemError(
                 "invalid_request", f"Say a line from {row['start_line']} to {row['end_line']} to go on from."
             )

@@ -25,6 +25,7 @@ from protocol.events import (
     BatchSent,
     FateInDoubt,
     FateSettled,
+    FateUnknown,
     LinkReady,
     MachineRestarted,
     StateReported,
@@ -535,3 +536,39 @@ def test_positions_are_copied() -> None:
     bench.tell(BatchDone(1000, position=position), free=True)
     assert bench.runner.ledger.position == {"x": 1.0}
     assert bench.runner.ledger.position is not position
+
+
+def test_the_end_of_a_program_that_was_open_is_sent_again_and_then_the_job_is_complete() -> None:
+    bench = adopted(Adopted(Status.RUNNING, (Entry(1, 3, 1003, batch(5, 1, barrier=True, ends_program=True)),)))
+    bench.now = 51.0
+    bench.next_id = 3000
+    bench.tell(FateSettled((), (1003,), {"x": 4.0}), LinkReady(), free=True)
+    bench.finish(3000)
+    assert bench.runner.status is Status.COMPLETED
+
+
+def test_a_job_that_failed_learns_nothing_more_when_the_link_breaks() -> None:
+    bench = Bench([batch(1), batch(3)])
+    bench.do(bench.runner.emergency())
+    bench.do(bench.runner.link_down(last_life_at=0.0))
+    assert bench.runner.over
+    assert bench.errors == ("estop", 1, 2)
+    assert bench.rows[1] is RowStatus.DOUBTFUL
+
+
+def test_a_cancelled_job_ends_when_the_link_breaks_before_its_batch_did() -> None:
+    bench = Bench([batch(1), batch(3)])
+    bench.do(bench.runner.cancel())
+    bench.do(bench.runner.link_down(last_life_at=0.0))
+    assert bench.errors == ("cancelled_in_doubt", 1, 2)
+    assert bench.runner.over
+
+
+def test_a_fate_that_is_being_found_out_is_noted_and_nothing_goes_out_meanwhile() -> None:
+    bench = Bench([batch(1), batch(3)])
+    bench.tell(FateUnknown((1000,)))
+    assert [effect.kind for effect in bench.seen if isinstance(effect, Note)] == ["fate_unknown"]
+    assert bench.sent == [1000]
+    bench.tell(FateSettled((), (1000,), {"x": 0.0}), free=True)
+    assert bench.sent == [1000, 1001], "the same lines under a fresh ID"
+    assert bench.runner.ledger.cursor.sent == 2

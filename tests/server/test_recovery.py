@@ -158,3 +158,43 @@ def test_a_daemon_before_this_one_may_have_interrupted_it(tmp_path: Path) -> Non
         await shop.stop()
 
     run_simulated(main())
+
+
+def test_a_job_that_was_interrupted_behind_its_last_line_is_completed_by_continue(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = bench_with(tmp_path)
+        shop = await bench.connected()
+        job = (await bench.job("G90\nG1 X1 F600\nG1 X20\n"))["id"]
+        await until(lambda: len(bench.executed()) >= 3, within_s=60, step_s=0.01)
+        bench.cable.pull()
+        await bench.status(job, "interrupted")
+        await bench.cable.live_alone(10.0)
+        bench.cable.plugged = True
+        await until(lambda: shop.machines[MACHINE].link_status == "connected", within_s=60)
+        plan = await shop.jobs.recover(job)
+        assert (plan["certain_line"], plan["can_continue"], plan["blocks"]) == (3, True, [])
+        stood = bench.executed()
+        await shop.jobs.recover(job, "continue")
+        await bench.status(job, "completed")
+        assert bench.executed() == stood
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_lines_in_doubt_forbid_continue_and_are_named(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = bench_with(tmp_path)
+        shop = await bench.connected()
+        job = (await bench.job(PROGRAM))["id"]
+        await until(lambda: len(bench.executed()) >= 25, within_s=60, step_s=0.01)
+        bench.cable.pull()
+        view = await bench.status(job, "interrupted")
+        plan = await shop.jobs.recover(job)
+        assert not plan["can_continue"]
+        assert (plan["line_from"], plan["line_to"]) == (view["error"]["line_from"], view["error"]["line_to"])
+        assert f"Lines {plan['line_from']} to {plan['line_to']} are in doubt" in plan["why_not"]
+        assert (await refusal(shop.jobs.recover(job, "continue"))).code == "wrong_state"
+        await shop.stop()
+
+    run_simulated(main())
