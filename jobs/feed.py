@@ -47,8 +47,8 @@ class Feed:
     _backlog: deque[PlannedBatch] = field(default_factory=deque)
 
     def supply(self, source: BatchSource, *, behind: Sequence[PlannedBatch], position: Position) -> None:
-        """What comes after the batches `behind` which the machine stands, or will stand, and after the backlog."""
-        batches = [*behind, *self._backlog]
+        """What comes after the batches `behind` which the machine stands, or will stand, and after what is planned."""
+        batches = [*behind, *([] if self.ahead is None else [self.ahead.batch]), *self._backlog]
         source.relocate(batches[-1].end if batches else position)
         self.source = source
 

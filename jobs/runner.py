@@ -302,6 +302,9 @@ class Runner:
     def _done(self, flight: Flight, *, inferred: bool, position: Position | None, at: str) -> None:
         batch = flight.entry.batch
         self._emit(self.ledger.done(flight, inferred=inferred, position=position, at=at))
+        if batch.ends_program:
+            # Now, also where a pause was demanded: a daemon after us would not know that what follows is no part of it.
+            self._stop(Status.COMPLETED)
         if batch.locate_after:
             self.feed.relocate(self.ledger.position)
         if batch.tool_change:

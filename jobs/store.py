@@ -173,7 +173,7 @@ def leave_queue(db: Database, id: int, after: Status, *, at: str) -> bool:
 
 
 def hold_waiting(db: Database, id: int, hold: bool) -> bool:
-    """Whether a job that waits in the queue is on hold; False, and nothing is changed, where it does not wait any more."""
+    """Whether a job that waits is on hold; False, and nothing is changed, where it does not wait any more."""
     return db.execute("update jobs set hold = ? where id = ? and status = 'queued'", [hold, id]).rowcount == 1
 
 

@@ -1,13 +1,16 @@
 """Carries out what the runner of a machine's job wants: journal, wire, status, history. Decides nothing itself.
 
 The one rule: effects are carried out in the order in which the runner gave them, and nothing here waits: the journal
-is posted, the engine is handed a batch, and whatever happens then comes back as an event.
+is posted, the engine is handed a batch, and whatever happens then comes back as an event. What follows from one event
+is written in one transaction: after a crash nobody finds the end of a batch without what it meant for the job.
 """
 
 import asyncio
 from collections import deque
 from collections.abc import Callable
 from typing import Any, assert_never
+
+from sqlite_utils import Database
 
 from jobs import history, journal, store
 from jobs.effects import Effect, Entry, JournalBatch, MarkBatch, Note, RowStatus, SetHold, SetStatus, Submit
@@ -27,6 +30,8 @@ PROGRESS_EVERY_S = 0.25
 ALIVE_EVERY_S = 1.0
 """How often the last sign of life is made durable (elvinto §5.5 measures the break from it)."""
 TROUBLES = frozenset({Status.FAILED, Status.INTERRUPTED})
+
+_Write = tuple[Callable[..., Any], tuple[Any, ...], Callable[[], None] | None]
 
 
 class JobStream:
@@ -58,6 +63,7 @@ class JobStream:
         self._frames = frames
         self._engine: Engine | None = None
         self._todo: deque[Effect] = deque()
+        self._writes: list[_Write] = []
         self._busy = False
         self._pump: Callable[[], None] = lambda: None
         self._overdue: asyncio.TimerHandle | None = None
@@ -127,6 +133,7 @@ class JobStream:
                 self._perform(effect)
         finally:
             self._busy = False
+            self._write()
         self._arm()
         if self.runner is not None and self.runner.over:
             self.runner = self.row = None
@@ -180,6 +187,28 @@ class JobStream:
 
     # --- effects ----------------------------------------------------------------------------------------------
 
+    def _post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
+        """Have it written, together with all else that follows from the same event."""
+        if self._busy:
+            self._writes.append((fn, args, then))
+        else:
+            self._db.post(fn, *args, then=then)
+
+    def _write(self) -> None:
+        writes, self._writes = self._writes, []
+        thens = [then for _, _, then in writes if then is not None]
+
+        def all_of_them(db: Database) -> None:
+            for fn, args, _ in writes:
+                fn(db, *args)
+
+        def durable() -> None:
+            for then in thens:
+                then()
+
+        if writes:
+            self._db.post(all_of_them, then=durable if thens else None)
+
     def _perform(self, effect: Effect) -> None:
         runner = self.runner
         assert runner is not None
@@ -190,12 +219,12 @@ class JobStream:
                 assert self._engine is not None
                 self._engine.submit(command, self._loop.time())
             case MarkBatch():
-                self._db.post(journal.mark, effect)
+                self._post(journal.mark, effect)
                 self._marked(effect)
             case SetStatus():
                 self._set_status(runner, effect)
             case SetHold(hold=hold):
-                self._db.post(store.set_hold, runner.job_id, hold)
+                self._post(store.set_hold, runner.job_id, hold)
                 self.note("pause_demanded" if hold else "resumed")
                 self.announce()
             case Note(kind=kind, data=data):
@@ -209,7 +238,7 @@ class JobStream:
             if self.runner is runner:
                 self.react([])
 
-        self._db.post(journal.journal, self.machine, entry, stamp(self._clock), then=durable)
+        self._post(journal.journal, self.machine, entry, stamp(self._clock), then=durable)
 
     def _marked(self, mark: MarkBatch) -> None:
         if mark.status is RowStatus.OK:
@@ -221,7 +250,7 @@ class JobStream:
 
     def _set_status(self, runner: Runner, effect: SetStatus) -> None:
         at = stamp(self._clock)
-        self._db.post(lambda db: store.set_status(db, runner.job_id, effect, at=at))
+        self._post(lambda db: store.set_status(db, runner.job_id, effect, at=at))
         if effect.after in TROUBLES and effect.before is not effect.after:
             self.note("frames", **self._frames())
         assert self.row is not None
@@ -239,7 +268,7 @@ class JobStream:
     def note(self, kind: str, *, job: int | None = None, **data: Any) -> None:
         """Write into the history, of `job` or of the one that has this machine."""
         job, at, machine = job or self.active_job, stamp(self._clock), self.machine
-        self._db.post(lambda db: history.append(db, at=at, kind=kind, data=data, machine=machine, job=job))
+        self._post(lambda db: history.append(db, at=at, kind=kind, data=data, machine=machine, job=job))
 
     def announce(self) -> None:
         """Tell everybody how the job stands."""

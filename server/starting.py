@@ -148,7 +148,7 @@ class Starter:
         await self._announce(row)
 
     async def leave_queue(self, row: Row, status: Status) -> bool:
-        """Of a job that waits: it is checked or cancelled now. False, and nothing is changed, where it waits no more."""
+        """Of a job that waits: it is checked or cancelled now. False, and nothing changes, where it does not wait."""
         left = await self._db.run(store.leave_queue, row["id"], status, at=stamp(self._clock))
         if left:
             await self._announce(row)

@@ -84,3 +84,12 @@ def test_a_source_after_nothing_begins_where_the_machine_stands() -> None:
     feed, source = Feed(), ListSource([])
     feed.supply(source, behind=[], position={"x": 4.0})
     assert source.relocated == [{"x": 4.0}]
+
+
+def test_a_source_that_comes_late_stands_behind_the_batch_ahead() -> None:
+    """It is planned and journaled while the one before it executes: it is in no backlog any more, and not open yet."""
+    feed, source = Feed(), ListSource([batch(5)])
+    feed.put_back([batch(3)])
+    assert feed.plan() is not None
+    feed.supply(source, behind=[batch(1)], position={"x": 0.0})
+    assert source.relocated == [{"x": 4.0}]

@@ -130,3 +130,61 @@ def test_effects_keep_their_order_whatever_happens_while_they_are_carried_out(
         await shop.stop()
 
     run_simulated(main())
+
+
+def test_what_follows_from_one_event_is_one_transaction(tmp_path: Path) -> None:
+    """A daemon that died between the end of a batch and what it meant would go on after a tool change by itself, run
+    what stands behind M30, or send again what the machine has refused."""
+    found: list[tuple[Any, ...]] = []
+
+    def look(db: Any) -> None:
+        query = """
+            select jobs.status, batches.status, batches.line_to from jobs join batches on batches.job = jobs.id
+            where batches.status != 'planned' order by seq desc limit 1
+        """
+        found.extend(db.execute(query).fetchall())
+
+    async def main() -> None:
+        bench = Bench(tmp_path, SimSettings(tool_change="report"))
+        shop = await bench.connected()
+        posted = bench.databases[-1].post
+
+        def post(fn: Any, *args: Any, then: Any = None) -> None:
+            posted(fn, *args, then=then)
+            posted(look)
+
+        bench.databases[-1].post = post  # type: ignore[method-assign]
+        job = await bench.job("G90\nG1 X1 F600\nT2 M6\nG1 X2\nM30\nG1 X99 F600\n")
+        await bench.status(job["id"], "waiting")
+        assert ("running", "ok", 3) not in found, "the tool change was done and nobody asked for the tool"
+        await shop.machines[MACHINE].confirm_tool()
+        await bench.status(job["id"], "completed")
+        assert ("running", "ok", 5) not in found, "the program had ended and the job had not"
+        assert found.count(("waiting", "ok", 3)) >= 1
+        failed = await bench.job("G90\nG1 X1 F600\nG1 X2\nM30\n")
+        bench.machine.press_emergency(asyncio.get_running_loop().time())
+        bench.cable.touch()
+        await bench.status(failed["id"], "failed")
+        await asyncio.sleep(1)
+        assert ("running", "failed", 3) not in found
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_a_program_that_has_ended_is_completed_also_where_a_pause_was_demanded(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = Bench(tmp_path)
+        shop = await bench.connected()
+
+        def pause(block: Any) -> None:
+            if block.text == "M30":
+                shop.machines[MACHINE].pause()
+
+        bench.machine._on_block = pause
+        job = await bench.job("G90\nG1 X1 F600\nM30\nG1 X99 F600\n")
+        await bench.status(job["id"], "completed", within_s=30)
+        assert bench.executed()[-1] == "M30"
+        await shop.stop()
+
+    run_simulated(main())
