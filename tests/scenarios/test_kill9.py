@@ -16,11 +16,11 @@ pytestmark = pytest.mark.real
 
 SEEDED = (("silent", 1), ("reack", 2))
 """Both answers to a repeated ID that the standard allows, and where the kills fall."""
-BLOCKS = 200
+BLOCKS = 150
 KILLS = 2
-FAST = ("--speed", "15")
-"""A batch of a second takes 70 ms."""
-LATER_S = 0.12
+FAST = ("--speed", "20")
+"""A batch of a second takes 50 ms."""
+LATER_S = 0.1
 """A kill falls up to so long after a certain block has begun: anywhere between a header and the end of its batch."""
 PLAIN = "compact = false"
 
@@ -48,7 +48,7 @@ def test_after_a_short_break_the_job_goes_on_by_itself(tmp_path: Path, repeat: s
         daemon(tmp_path, port, machine="resume_within = 60", elvinto=PLAIN) as one,
     ):
         job = one.connected().job("\n".join(program()))
-        for blocks in sorted(rng.sample(range(5, BLOCKS - 40), KILLS)):
+        for blocks in sorted(rng.sample(range(5, BLOCKS - 50), KILLS)):
             recording.reached(blocks)
             time.sleep(rng.uniform(0, LATER_S))
             one.kill9()
@@ -71,7 +71,7 @@ def test_after_a_long_break_nothing_moves_until_somebody_says_continue(tmp_path:
         daemon(tmp_path, port, machine="resume_within = 0.5", elvinto=PLAIN) as one,
     ):
         job = one.connected().job("\n".join(program()))
-        recording.reached(rng.randrange(5, BLOCKS - 40))
+        recording.reached(rng.randrange(5, BLOCKS - 50))
         time.sleep(rng.uniform(0, LATER_S))
         one.kill9()
         time.sleep(0.5)  # the break

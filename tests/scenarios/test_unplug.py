@@ -12,7 +12,7 @@ from tests.harness.process import LiveMill, Recording, daemon, live_mill, until
 
 pytestmark = pytest.mark.real
 
-BLOCKS = 150
+BLOCKS = 110
 FAST = 15.0
 PLAIN = "compact = false"
 
@@ -22,7 +22,7 @@ def program() -> list[str]:
     return ["G90", *(f"G1X{i}Y{(i * 7) % 40}F4000" for i in range(1, BLOCKS))]
 
 
-@pytest.mark.parametrize(("link", "repeat"), [("pty", "silent"), ("pty", "reack"), ("tcp", "silent")])
+@pytest.mark.parametrize(("link", "repeat"), [("pty", "silent"), ("tcp", "reack")])
 def test_unplugged_and_plugged_in_again_the_job_goes_on(tmp_path: Path, link: str, repeat: str) -> None:
     settings = SimSettings(speed_factor=FAST, repeat="reack" if repeat == "reack" else "silent")
     with (
@@ -30,7 +30,7 @@ def test_unplugged_and_plugged_in_again_the_job_goes_on(tmp_path: Path, link: st
         daemon(tmp_path, mill.port, machine="resume_within = 60", elvinto=PLAIN) as one,
     ):
         job = one.connected().job("\n".join(program()))
-        for blocks in (20, 90):
+        for blocks in (20, 60):
             recording.reached(blocks)
             mill.unplug()
             until(lambda: one.get("/machines/mill")["link"] == "connecting", why=one.log)
