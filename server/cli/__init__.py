@@ -6,11 +6,13 @@ error (with `--json`: one object on standard output) and one of the exit codes o
 
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Annotated
 
 import typer
 
 from server.cli import demo, jobs, machines, offline, serve, simulator, tokens, watch
-from server.cli.common import CliError, say_json, warn
+from server.cli.common import CliError, say, say_json, warn
 from server.cli.daemon import Surroundings
 
 GROUPS = (serve, demo, offline, jobs, machines, watch, tokens, simulator)
@@ -26,9 +28,24 @@ def build() -> typer.Typer:
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
     )
+    app.callback()(_options)
     for group in GROUPS:
         group.register(app)
     return app
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        say(f"millstream {version('millstream')}")
+        raise typer.Exit
+
+
+def _options(
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Streams G-code to CNC controllers: every line executed exactly once, or the doubt named."""
 
 
 def run(argv: Sequence[str], around: Surroundings) -> int:

@@ -42,6 +42,7 @@ def create(
         return
     warn(f"Token {token.id} ({safe(token.name)}, {token.role.word}). It is shown only now:")
     say(secret)
+    warn("From now on every command and browser needs a token, on this computer too: export MILLSTREAM_TOKEN=...")
 
 
 @group.command("list")
