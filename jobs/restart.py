@@ -93,8 +93,9 @@ def first_block(lines: Lines, encoding: str) -> Block | None:
 
 
 def with_prologue(before: Lines, line: int, blocks: list[str], rest: Lines) -> Lines:
-    """The lines of a planner that skips to `line`: the prologue counts as part of that line."""
-    return chain(before, ((line, block.encode()) for block in blocks), rest)
+    """The lines of a planner that skips to `line - 1`, under which the prologue goes: when it is done `line` is not,
+    and a batch of it alone must not say so. The lines before are numbered 0, for none of them is sent."""
+    return chain(((0, raw) for _, raw in before), ((line - 1, block.encode()) for block in blocks), rest)
 
 
 def _names_motion(block: Block, profile: Profile) -> bool:

@@ -5,7 +5,7 @@ machine or the database.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
@@ -14,7 +14,7 @@ from gcode.motion import Motion
 from gcode.profile import Profile, load_profile
 from jobs.batch import BatchLimits, BatchPlanner
 from jobs.program import ProgramStore
-from jobs.restart import Switches, first_block, prologue, with_prologue
+from jobs.restart import CannotStartError, Switches, first_block, prologue, with_prologue
 from jobs.store import Row
 from protocol.commands import Position
 from server.config import MachineConfig
@@ -72,11 +72,19 @@ class Planning:
             lines = self._lines(row, 1, last)
             return Plan(_opened(self._planner(piece, lines, position=position, absolute=absolute)), 1)
         switches = Switches(self._lines(row, 1, line - 1), encoding)
-        scout = self._planner(piece, switches, absolute=absolute, skip_to=line)
+        scout = self._planner(piece, switches, absolute=None, skip_to=line)
         first = first_block(self._lines(row, line, last), encoding)
-        blocks = prologue(scout.modal, switches, piece.profile, first, in_inches=scout.in_inches)
+        modal = scout.modal
+        if modal.absolute is None:
+            if absolute is False:
+                raise CannotStartError(
+                    "The lines before do not say G90 or G91, and the machine is in G91, perhaps by a command by hand. "
+                    "Send G90 by hand if the coordinates of the program are absolute."
+                )
+            modal = replace(modal, absolute=absolute)
+        blocks = prologue(modal, switches, piece.profile, first, in_inches=scout.in_inches)
         whole = with_prologue(self._lines(row, 1, line - 1), line, blocks, self._lines(row, line, last))
-        planner = self._planner(piece, whole, absolute=absolute, skip_to=line)
+        planner = self._planner(piece, whole, absolute=absolute, skip_to=line - 1)
         planner.relocate(position)
         return Plan(planner, line, tuple(blocks))
 

@@ -49,14 +49,14 @@ def test_blocks_in_mm_stand_outside_the_inches_of_the_program() -> None:
     assert blocks_before(lines, convert_inches=True) == ["G21", "G90", "G1", "F254", "G20"]
 
 
-def test_the_prologue_counts_as_part_of_the_line_and_the_rest_follows() -> None:
+def test_the_prologue_stands_before_the_line_and_the_rest_follows() -> None:
     before = [(1, b"G90"), (2, b"G1 X1 F600")]
     lines = with_prologue(before, 3, ["G90", "G1", "F600"], [(3, b"X2"), (4, b"X3")])
-    planner = BatchPlanner(lines, PROFILE, Motion(), BatchLimits(), skip_to=3)
+    planner = BatchPlanner(lines, PROFILE, Motion(), BatchLimits(), skip_to=2)
     planner.relocate({"x": 1.0})
     planned = planner.next()
     assert planned is not None
-    assert (planned.first_line, planned.last_line) == (3, 4)
+    assert (planned.first_line, planned.last_line) == (2, 4)
     assert planned.blocks == ("G90", "G1", "F600", "X2", "X3")
 
 

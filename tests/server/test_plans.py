@@ -8,6 +8,7 @@ import pytest
 
 from jobs.batch import PlannedBatch
 from jobs.program import ProgramStore, UnknownProgramError
+from jobs.restart import CannotStartError
 from server.config import MachineConfig
 from server.plans import PREVIEW_BLOCKS, Planning, Workpiece
 
@@ -55,7 +56,7 @@ def test_from_the_middle_with_what_was_left_out_said_first(store: ProgramStore) 
     assert plan.prologue == ("G90", "G1", "F600")
     found = list(batches(plan.planner))
     assert [block for batch in found for block in batch.blocks] == ["G90", "G1", "F600", "X3", "X4", "M30"]
-    assert found[0].first_line == 4
+    assert (found[0].first_line, found[0].last_line) == (3, 5), "the line before stands for what is said first"
     assert found[0].start == {"x": 9.0}
 
 
@@ -107,3 +108,12 @@ def test_the_check_knows_the_machine(store: ProgramStore) -> None:
     inches = row(store, b"G20 G90\nG1 X1 F10\nM30\n")["program"]
     assert planning.check(piece(), inches)["errors"]
     assert not planning.check(piece(convert_inches=True), inches)["errors"]
+
+
+def test_whether_coordinates_are_absolute_is_not_taken_from_a_machine_in_g91(store: ProgramStore) -> None:
+    """Somebody said G91 by hand while the job was interrupted; a program that never says G90 must not go on in it."""
+    silent = row(store, b"G1 X1 F600\nG1 X2\nG1 X3\nM30\n")
+    with pytest.raises(CannotStartError, match="G91"):
+        Planning(store).start(piece(), silent, line=3, position={"x": 2.0}, absolute=False)
+    plan = Planning(store).start(piece(), silent, line=3, position={"x": 2.0}, absolute=True)
+    assert plan.prologue == ("G90", "G1", "F600")

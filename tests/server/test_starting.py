@@ -178,3 +178,19 @@ def test_two_jobs_at_once_start_one_after_the_other(tmp_path: Path, hold: bool) 
         await shop.stop()
 
     run_simulated(main())
+
+
+def test_a_line_is_not_done_when_only_the_blocks_before_it_are(tmp_path: Path) -> None:
+    """The modal state that is said again first is a batch of its own where the line is a barrier: a daemon that dies
+    behind it must not take the tool change for done."""
+
+    async def main() -> None:
+        bench = Bench(tmp_path)
+        await bench.connected()
+        job = await bench.job("G90\nG1 X1 F600\nG1 X2\nT2 M6\nG1 X3\nM30\n", start_line=4)
+        await bench.status(job["id"], "waiting")
+        rows = await bench.shop.jobs.batches(job["id"])  # type: ignore[union-attr]
+        assert [(row["line_from"], row["line_to"]) for row in rows] == [(3, 3), (4, 4)]
+        await bench.shop.stop()  # type: ignore[union-attr]
+
+    run_simulated(main())
