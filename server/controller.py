@@ -30,7 +30,8 @@ class Controller(Machine):
         """W98 now, before every other byte; the job fails. Raises ProblemError when the machine cannot be reached."""
         link, job = self._link, self.stream.active_job
         if link is not None:
-            link.realtime(EmergencyStop(self.manual.next_token()))
+            self.unheard_stop = EmergencyStop(self.manual.next_token())
+            link.realtime(self.unheard_stop)
         self.manual.sweep(ProblemError("command_failed", "The emergency stop was demanded."))
         self.stream.reserved_cancelled = True
         if self.stream.runner is not None:
@@ -107,6 +108,10 @@ class Controller(Machine):
         """Raises ProblemError unless the machine is connected and not in alarm."""
         if not self._ready:
             raise ProblemError("not_connected", f"{self.name} is {self.link_status}. Check the cable and the port.")
+        if self.unheard_stop is not None:
+            raise ProblemError(
+                "alarm_active", f"{self.name} is being stopped: the e-stop is not confirmed yet."
+            )
         if self.state.status == "alarm":
             message = "" if self.state.alarm is None else f" ({self.state.alarm.message})"
             raise ProblemError("alarm_active", f"{self.name} is in alarm{message}: unlock it first.")
@@ -191,10 +196,11 @@ class Controller(Machine):
         # Before the answer: a short program may have ended when it is read.
         self.own_program = name
         self.pump()
-        event = await answer
-        if isinstance(event, CommandFailed):
+        try:
+            _refused(await answer)
+        except ProblemError:
             self.own_program = None
-        _refused(event)
+            raise
 
     def _put_block(
         self, blocks: tuple[str, ...], *, droppable: bool = False

@@ -9,8 +9,10 @@ import logging
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from protocol.commands import EmergencyStop
 from protocol.engine import Engine, OpenWork
 from protocol.events import (
+    CommandDone,
     Event,
     LinkLost,
     LinkReady,
@@ -85,6 +87,8 @@ class Machine:
         self._engine: Engine | None = None
         self.own_program: str | None = None
         """What it runs from its SD card; STATE `run` alone may be the old news of a job that has just ended."""
+        self.unheard_stop: EmergencyStop | None = None
+        """An emergency stop that the machine has not confirmed: if the link breaks it is the first word of the next."""
         self._ready = False
         self._last_life_at = -float("inf")
         self._state_seq = 0
@@ -164,6 +168,10 @@ class Machine:
         self._engine = engine
         self._link = Link(engine, port.write, self._handle, self._offer, self._loop)
         self.stream.link_up(engine, self.pump)
+        if self.unheard_stop is not None:
+            # Once: a machine that is in alarm already may answer none, and must not be shut out for ever.
+            stop, self.unheard_stop = self.unheard_stop, None
+            self._link.realtime(stop)
         self.pump()
 
     def _end_engine(self, reason: str) -> None:
@@ -229,6 +237,8 @@ class Machine:
                 self._ready = True
                 self.metrics.connects += 1
                 self._reconnect.proved()
+            case CommandDone(token=token) if self.unheard_stop is not None and token == self.unheard_stop.token:
+                self.unheard_stop = None
             case MachineRestarted() | ProgramEnded() | StateReported(status="alarm"):
                 self.own_program = None
             case _:

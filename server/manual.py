@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from protocol.commands import Command
 from protocol.engine import Engine
+from protocol.errors import MessageTooLongError
 from protocol.events import CommandDone, CommandFailed, Event, FilesListed
 from server.problems import ProblemError
 
@@ -65,8 +66,13 @@ class Manual:
         if not self._queue or engine.free() < 1:
             return False
         waiting = self._queue.popleft()
+        try:
+            engine.submit(waiting.command, now)
+        except (MessageTooLongError, UnicodeError) as error:
+            # What somebody typed does not fit the wire; nothing was sent, and the next one may.
+            _refuse(waiting.future, ProblemError("invalid_request", f"It cannot be sent: {error}."))
+            return False
         self._sent[_token_of(waiting.command)] = waiting.future
-        engine.submit(waiting.command, now)
         return True
 
     def handle(self, event: Event) -> None:

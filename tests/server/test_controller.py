@@ -213,3 +213,26 @@ def test_an_emergency_stop_while_a_program_is_read_keeps_the_job_from_beginning(
         await shop.stop()
 
     run_simulated(main())
+
+
+def test_an_emergency_stop_that_was_not_heard_is_the_first_word_of_the_next_connection(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = Bench(tmp_path)
+        shop = await bench.connected()
+        machine = shop.machines[MACHINE]
+        job = await bench.job(LONG)
+        await bench.status(job["id"], "running")
+        machine._port.write = lambda _data: None  # type: ignore[method-assign, union-attr]
+        machine.estop()
+        bench.cable.pull()
+        assert "W98" not in [block.text for block in bench.machine.executed]
+        bench.cable.plugged = True
+        await until(lambda: machine.link_status == "connected", within_s=60)
+        assert machine.state.status == "alarm"
+        assert "W98" in [block.text for block in bench.machine.executed]
+        await machine.unlock()
+        await machine.home()
+        assert (await shop.jobs.get(job["id"]))["status"] == "failed"
+        await shop.stop()
+
+    run_simulated(main())

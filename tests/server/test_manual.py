@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from protocol.commands import ClearAlarm, ListFiles, RunBlock
+from protocol.errors import MessageTooLongError
 from protocol.events import CommandDone, CommandFailed, FilesListed
 from server.manual import QUEUE_LIMIT, Manual
 from server.problems import ProblemError
@@ -96,5 +97,28 @@ def test_a_request_that_was_given_up_does_not_free_the_machine() -> None:
         assert manual.busy
         manual.handle(CommandDone(1))
         assert not manual.busy
+
+    run_simulated(main())
+
+
+@pytest.mark.parametrize("error", [MessageTooLongError("too long"), UnicodeEncodeError("cp1251", "é", 0, 1, "no")])
+def test_what_does_not_fit_the_wire_is_refused_and_bars_nobody(error: Exception) -> None:
+    async def main() -> None:
+        manual, engine = Manual("router", asyncio.get_running_loop()), ScriptedEngine()
+        submit = engine.submit
+
+        def refuse(*_args: object) -> None:
+            raise error
+
+        engine.submit = refuse  # type: ignore[method-assign, assignment]
+        answer = manual.put(ClearAlarm)
+        assert not manual.offer(engine, 0.0)
+        with pytest.raises(ProblemError) as refused:
+            await answer
+        assert refused.value.code == "invalid_request"
+        assert not manual.busy
+        engine.submit = submit  # type: ignore[method-assign]
+        manual.put(ClearAlarm)
+        assert manual.offer(engine, 0.0)
 
     run_simulated(main())
