@@ -246,6 +246,8 @@ class ElvintoEngine(Settling):
             else:
                 self._ids.prove(id)
             self._go_idle(now)
+        elif self._phase is Phase.FILE and self._file is not None and id == self._file.id:
+            self._file_refused(code, text, now)
         elif self._phase is Phase.REPORT and self._turn is not None and id in self._turn.ids:
             self._enter_next(now)  # a machine without W90 reports less, and works
         else:
@@ -269,6 +271,7 @@ class ElvintoEngine(Settling):
             case "alarm":
                 self._on_alarm(report, now)
             case "run":
+                self._report_file_begun()
                 if self._flight is not None:
                     self._flight_runs(now)
                 if self._case is not None:

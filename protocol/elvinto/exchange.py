@@ -15,7 +15,7 @@ from protocol.elvinto.phases import STEPS, Flight, Phase, Turn, Unproven
 from protocol.elvinto.reports import LOCKED, FileListing
 from protocol.elvinto.settle import Case
 from protocol.elvinto.wire import Wire
-from protocol.events import BatchDone, CommandFailed, Event, LinkLost, LinkReady, MessageSeen
+from protocol.events import BatchDone, CommandDone, CommandFailed, Event, LinkLost, LinkReady, MessageSeen
 
 SLOWEST_ASK_S = 2.0
 """Queries under fresh IDs are spaced out up to this, so that answers slower than the interval find their question."""
@@ -46,6 +46,7 @@ class Exchange:
         self._emergency_tokens: list[int] = []
         self._greetings = 0  # READYs sent and not answered
         self._alarmed = False
+        self._file: Flight | None = None  # RUN was RECEIVED; an ERROR may still refuse it
         self._file_idle_reports = 0
         self._ready = False  # LinkReady was reported
         self._initialised = False
@@ -153,6 +154,12 @@ class Exchange:
             token, self._query_token = self._query_token, None
             self._emit(CommandFailed(token, None, why))
 
+    def _report_file_begun(self) -> None:
+        """The program from the SD card runs, or may have run: RUN was RECEIVED and no ERROR came."""
+        if self._file is not None and self._file.token is not None:
+            self._emit(CommandDone(self._file.token))
+        self._file = None
+
     def _report_unproven(self, position: Position) -> None:
         """The batch is done, whatever may come now: its OK came."""
         if self._unproven is not None:
@@ -163,6 +170,7 @@ class Exchange:
         """Give the link up. What was open stays open: the next epoch settles it."""
         if self._unproven is not None and not self._unproven.repeated:
             self._report_unproven({})
+        self._report_file_begun()
         self._fail_query("the link was lost")
         if self._flight is not None and self._flight.token is not None:
             self._emit(

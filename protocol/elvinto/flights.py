@@ -256,18 +256,18 @@ class Flights(Exchange, ABC):
     # --- a program from the SD card -------------------------------------------------------------------------------
 
     def _file_accepted(self, flight: Flight, now: float) -> None:
-        assert flight.token is not None
-        self._flight = None
+        """RECEIVED: it is going to run, unless ERROR follows at once (there is no such file)."""
+        self._flight, self._file = None, flight
         self._ids.doubt()  # the program's M30 will make the machine forget
-        self._emit(CommandDone(flight.token))
         self._phase, self._turn, self._file_idle_reports = Phase.FILE, None, 0
-        self._deadline = now + self._dialect.probe_after_s
+        self._deadline = now + self._dialect.retry_interval_s
 
     def _on_file_quiet(self, now: float) -> None:
         """Nothing heard while a file runs: PROGRAM_END may be lost. W95 is executed only when the program has ended.
 
         There is no end to this: a program may run for hours without a word when STATE during moves is off.
         """
+        self._report_file_begun()
         due = self._heard_at + self._dialect.probe_after_s
         if now < due:
             self._deadline = due
@@ -280,6 +280,15 @@ class Flights(Exchange, ABC):
         if self._file_idle_reports >= IDLE_REPORTS_OF_AN_END:
             self._file_ended(now)
 
+    def _file_refused(self, code: int | None, message: str, now: float) -> None:
+        """ERROR of RUN before the program began."""
+        assert self._file is not None
+        assert self._file.token is not None
+        self._emit(CommandFailed(self._file.token, code, message))
+        self._file = None
+        self._go_idle(now)
+
     def _file_ended(self, now: float) -> None:
+        self._report_file_begun()
         self._emit(ProgramEnded())
         self._go_idle(now)

@@ -144,6 +144,7 @@ class Settling(Flights):
 
     def _break_off(self, reason: Literal["error", "alarm", "estop", "restart"], code: int | None, message: str) -> None:
         """Whatever is under way ends here, each with its own report."""
+        self._report_file_begun()
         self._report_unproven({})
         self._report_doubt(message)
         self._flight_failed(reason, code, message)

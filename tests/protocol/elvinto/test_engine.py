@@ -528,9 +528,11 @@ class TestSdCard:
         ((id, message),) = scene.sent()
         assert message == "RUN,NAME<0LTQtdGC0LDQu9GMIDEubmM="
         scene.say(f"RECEIVED,ID<#{id}")
-        assert scene.take(CommandDone) == [CommandDone(6)]
+        assert scene.take(CommandDone) == []  # ERROR may follow
         assert scene.engine.free() == 0
-        scene.say(state("run", 1), "TOOL,NUM<#2", "PROGRAM_END")
+        scene.say(state("run", 1))
+        assert scene.take(CommandDone) == [CommandDone(6)]
+        scene.say("TOOL,NUM<#2", "PROGRAM_END")
         assert scene.take(ToolRequested, ProgramEnded) == [ToolRequested(2), ProgramEnded()]
         scene.answer_position()
         assert scene.engine.free() == 1
@@ -546,6 +548,31 @@ class TestSdCard:
         assert [m for _, m in asked] == ["GCODE,DATA<#W95"] * 2
         scene.say(state("idle"), state("idle"))
         assert scene.take(ProgramEnded)
+
+    def test_a_program_that_says_nothing_is_taken_to_run(self):
+        scene = ready()
+        scene.engine.submit(RunFile(6, "a.nc"), scene.now)
+        ((id, _),) = scene.sent()
+        scene.say(f"RECEIVED,ID<#{id}")
+        scene.wait(0.31)
+        assert scene.take(CommandDone) == [CommandDone(6)]
+
+    def test_a_missing_file_is_refused_after_received_too(self):
+        scene = ready()
+        scene.engine.submit(RunFile(6, "x"), scene.now)
+        ((id, _),) = scene.sent()
+        scene.say(f"RECEIVED,ID<#{id}", f"ERROR,ID<#{id},NUM<#4")
+        assert scene.take(CommandDone, CommandFailed)[0].code == 4
+        scene.answer_position()
+        assert scene.engine.free() == 1
+
+    def test_an_alarm_ends_it(self):
+        scene = ready()
+        scene.engine.submit(RunFile(6, "x"), scene.now)
+        ((id, _),) = scene.sent()
+        scene.say(f"RECEIVED,ID<#{id}", state("cnscalarm", more=",ALARMNUM<#100"))
+        assert scene.take(CommandDone) == [CommandDone(6)]
+        assert scene.engine.free() == 1
 
     def test_a_missing_file_is_refused(self):
         scene = ready()
