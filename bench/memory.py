@@ -20,8 +20,10 @@ GOAL_MB = 120.0
 BATCH_BLOCKS = 2
 """Small batches: what could grow grows by the batch, not by the block."""
 POINTS = 6
-SETTLED_AFTER = 2
-"""Flatness is from this point on: until then caches fill."""
+SETTLED_AFTER = 4
+"""Flatness is from this point on: until then caches fill (SQLite's pages, the last messages of the console)."""
+QUICK_FOLDER = Path("/dev/shm")
+"""Memory does not depend on the disk; without waiting for one there are more batches in a minute."""
 
 
 async def _sizes(lines: int, batches: int, folder: Path) -> tuple[Figure, ...]:
@@ -55,8 +57,9 @@ def _figures(
     yield Figure("growth for 10,000 batches", 1e4 * (large - small) / max(last - first, 1), "MiB")
 
 
-def run(*, lines: int = 1_000_000, batches: int = 9000) -> Report:
+def run(*, lines: int = 1_000_000, batches: int = 15_000) -> Report:
     """Upload `lines`, run so many batches of them, cancel."""
-    with tempfile.TemporaryDirectory(prefix="millstream-bench-") as folder:
+    base = QUICK_FOLDER if QUICK_FOLDER.is_dir() else None
+    with tempfile.TemporaryDirectory(prefix="millstream-bench-", dir=base) as folder:
         found = asyncio.run(_sizes(lines, batches, Path(folder)))
     return Report.of(TITLE, [(f"relief of {lines:,} lines", found)])
