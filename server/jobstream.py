@@ -133,7 +133,7 @@ class JobStream:
                 self._perform(effect)
         finally:
             self._busy = False
-            self._write()
+        self._write()
         self._arm()
         if self.runner is not None and self.runner.over:
             self.runner = self.row = None
