@@ -122,6 +122,7 @@ class BatchPlanner:
         self._skipped = False
         self._ahead: list[_Item] = []
         self._ended = False
+        self.reading = False
         self._broken: PlanError | OSError | None = None
         self._previous_start: Position | None = None
 
@@ -155,20 +156,21 @@ class BatchPlanner:
         if self._compactor:
             self._compactor.forget()
 
-    def next(self) -> PlannedBatch | None:
+    def next(self, most_lines: int | None = None) -> PlannedBatch | None:
         """The next batch; None at the end of the program.
 
+        Whoever must not wait gives `most_lines`: after reading so many None comes too, and `reading` is True.
         Raises PlanError for a line that cannot be sent and OSError when the program cannot be read; from then on
         always, so that nothing behind the gap ever goes out.
         """
         if self._broken is not None:
             raise self._broken
         try:
-            self._fill()
+            self.reading = not self._fill(most_lines)
         except (PlanError, OSError) as error:
             self._broken = error
             raise
-        if not self._ahead:
+        if self.reading or not self._ahead:
             return None
         return self._emit(self._choose())
 
@@ -200,24 +202,26 @@ class BatchPlanner:
         for line, raw in self._lines:
             yield line, self._read(raw)
 
-    def _fill(self) -> None:
-        """Reads until a bound is passed, a barrier stands there, or the program ends."""
+    def _fill(self, most_lines: int | None) -> bool:
+        """Reads until a bound is passed, a barrier stands there, or the program ends; False: there is more to read."""
         ahead = self._ahead
         if self._ended or (ahead and ahead[-1].barrier):
-            return
+            return True
         load = _Load(self._limits)
         for item in ahead:
             load.add(item)
         if not load.fits:
-            return
-        for line, block in self._blocks():
-            if (found := self._item(line, block)) is None:
-                continue
-            ahead.append(found)
-            load.add(found)
-            if found.barrier or not load.fits:
-                return
+            return True
+        for count, (line, block) in enumerate(self._blocks(), 1):
+            if (found := self._item(line, block)) is not None:
+                ahead.append(found)
+                load.add(found)
+                if found.barrier or not load.fits:
+                    return True
+            if count == most_lines:
+                return False
         self._ended = True
+        return True
 
     def _item(self, line: int, block: Block) -> _Item | None:
         if block.faults:

@@ -19,11 +19,19 @@ from protocol.errors import LocalError
 class BatchSource(Protocol):
     """Where batches come from: jobs.batch.BatchPlanner."""
 
-    def next(self) -> PlannedBatch | None:
+    reading: bool
+    """The last `next` has answered None because it had read enough, not because the program is at its end."""
+
+    def next(self, most_lines: int | None = None) -> PlannedBatch | None:
         """The next batch, None at the end. Raises LocalError for a line that cannot be sent, OSError for the file."""
 
     def relocate(self, position: Position) -> None:
         """The true position after a batch whose effect could not be computed."""
+
+
+LINES_AT_ONCE = 256
+"""Lines that are read in one go, some 10 ms of work: a thousand pages of comments must not hold up a pause. A batch
+has far fewer blocks."""
 
 
 @dataclass(slots=True)
@@ -51,6 +59,11 @@ class Feed:
         batches = [*behind, *([] if self.ahead is None else [self.ahead.batch]), *self._backlog]
         source.relocate(batches[-1].end if batches else position)
         self.source = source
+
+    @property
+    def reading(self) -> bool:
+        """There is no batch ahead yet because the reading of it goes on: plan again, but let others have their turn."""
+        return self.ahead is None and self.end is None and self.source is not None and self.source.reading
 
     def relocate(self, position: Position) -> None:
         """The true position after a barrier; nothing has been planned beyond it."""
@@ -93,12 +106,14 @@ class Feed:
         if self.end is not None or self.source is None:
             return None
         try:
-            batch = self.source.next()
+            batch = self.source.next(LINES_AT_ONCE)
         except LocalError as error:
             self.end = Outcome(Status.FAILED, "not_plannable", str(error))
             return None
         except OSError as error:
             self.unreadable(str(error))
+            return None
+        if batch is None and self.source.reading:
             return None
         if batch is None or batch.ends_program:
             # What stands behind the end of a program (M30, M99) is not part of it.

@@ -280,9 +280,19 @@ class Runner:
             self._emit(Submit(ahead.entry.command()))
         return self._drain()
 
+    @property
+    def reading(self) -> bool:
+        """It wants to go on, and the next batch is not read to its end yet: call `advance` again soon."""
+        return self._link.up and self._goes_on and not self._behind_barrier and self.feed.reading
+
+    @property
+    def _behind_barrier(self) -> bool:
+        """The effect of what is open must be known before anything is planned (elvinto §7, barriers)."""
+        return any(flight.entry.batch.barrier for flight in self.ledger.open)
+
     def _plan(self) -> Ahead | None:
-        """One batch ahead, but never past one whose effect must be known first (elvinto §7, barriers)."""
-        if any(flight.entry.batch.barrier for flight in self.ledger.open):
+        """One batch ahead, but never past a barrier."""
+        if self._behind_barrier:
             return None
         ahead, end = self.feed.plan(), self.feed.end
         if ahead is not None:

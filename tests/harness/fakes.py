@@ -39,8 +39,9 @@ class ListSource:
     def __init__(self, items: Sequence[PlannedBatch | Exception]) -> None:
         self._items = deque(items)
         self.relocated: list[Position] = []
+        self.reading = False
 
-    def next(self) -> PlannedBatch | None:
+    def next(self, most_lines: int | None = None) -> PlannedBatch | None:
         if not self._items:
             return None
         item = self._items.popleft()

@@ -332,3 +332,15 @@ def test_a_fitting_program_is_planned_whole(name: str) -> None:
         assert len("|".join(batch.blocks)) <= bounds.max_batch_bytes
         assert len(batch.blocks) <= bounds.max_batch_blocks
     assert planned == blocks
+
+
+def test_a_long_stretch_without_a_block_is_read_piece_by_piece() -> None:
+    lines = [(n, b"(a page of comments)") for n in range(1, 26)] + [(26, b"G1X1F100"), (27, b"(the end)")]
+    reader = BatchPlanner(lines, elvinto(), Motion(), BatchLimits(), position={"x": 0.0})
+    pieces = []
+    while (batch := reader.next(10)) is None:
+        pieces.append(reader.reading)
+    assert pieces == [True, True]
+    assert (batch.first_line, batch.blocks) == (26, ("G1X1F100",))
+    assert reader.next(10) is None
+    assert not reader.reading, "this time it is the end"

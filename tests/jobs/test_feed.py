@@ -93,3 +93,16 @@ def test_a_source_that_comes_late_stands_behind_the_batch_ahead() -> None:
     assert feed.plan() is not None
     feed.supply(source, behind=[batch(1)], position={"x": 0.0})
     assert source.relocated == [{"x": 4.0}]
+
+
+def test_while_the_reading_goes_on_there_is_no_end() -> None:
+    source = ListSource([])
+    source.reading = True
+    feed = Feed(source)
+    assert feed.plan() is None
+    assert feed.reading
+    assert feed.end is None
+    source.reading = False
+    assert feed.plan() is None
+    assert not feed.reading
+    assert feed.end is not None

@@ -47,6 +47,23 @@ def test_a_program_runs_once_from_the_first_block_to_the_last(tmp_path: Path) ->
     run_simulated(main())
 
 
+def test_a_thousand_pages_of_comments_do_not_keep_the_loop(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = Bench(tmp_path)
+        shop = await bench.connected()
+        comments = "(a page)\n" * 20_000
+        job = await bench.job("G90\nG1 X1 F3000\nM5\n" + comments + "G1 X2\nM30\n")
+        stream, pieces = shop.machines[MACHINE].stream, []
+        read_on = stream._read_on
+        stream._read_on = lambda: (pieces.append(True), read_on())  # type: ignore[method-assign]
+        view = await bench.status(job["id"], "completed")
+        assert len(pieces) >= 20
+        assert view["progress"]["line"] == 20_005
+        await shop.stop()
+
+    run_simulated(main())
+
+
 def test_journal_is_durable_before_the_wire_and_at_most_two_rows_are_open(tmp_path: Path) -> None:
     async def main() -> None:
         bench = Bench(tmp_path, latency_s=0.5)  # a slow card: longer than it takes to send
