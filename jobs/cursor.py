@@ -21,7 +21,7 @@ class Cursor:
         return cls(line, line, line, line)
 
     def was_read(self, line: int) -> "Cursor":
-        return replace(self, read=max(self.read, line))
+        return self if line <= self.read else replace(self, read=line)
 
     def was_sent(self, line: int) -> "Cursor":
         return replace(self.was_read(line), sent=max(self.sent, line))

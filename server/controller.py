@@ -109,9 +109,7 @@ class Controller(Machine):
         if not self._ready:
             raise ProblemError("not_connected", f"{self.name} is {self.link_status}. Check the cable and the port.")
         if self.unheard_stop is not None:
-            raise ProblemError(
-                "alarm_active", f"{self.name} is being stopped: the e-stop is not confirmed yet."
-            )
+            raise ProblemError("alarm_active", f"{self.name} is being stopped: the e-stop is not confirmed yet.")
         if self.state.status == "alarm":
             message = "" if self.state.alarm is None else f" ({self.state.alarm.message})"
             raise ProblemError("alarm_active", f"{self.name} is in alarm{message}: unlock it first.")

@@ -21,6 +21,8 @@ TOPICS = (STATE, "job", "queue", CONSOLE, "alarm", "tool", "io", "program", "log
 
 REPLAY_LIMIT = 4096
 """Messages kept for `since=`; a reader that was away for longer gets `resync` and a snapshot."""
+REPLAY_LIMIT_BYTES = 16 * 1024 * 1024
+"""The same in bytes: a message about a queue of a thousand jobs has 100 KB."""
 QUEUE_LIMIT = 1024
 """Messages waiting for one reader; at the next one its connection is cut. It can come back with `since=`."""
 QUEUE_LIMIT_BYTES = 4 * 1024 * 1024
@@ -165,6 +167,7 @@ class Hub:
         self._seq = int(clock().timestamp() * 1000) if first_seq is None else first_seq
         self._forgotten_seq = self._seq
         self._kept: deque[Message] = deque()
+        self._kept_bytes = 0
         self._subscriptions: set[Subscription] = set()
         self.published: Counter[str] = Counter()
         self.cut_readers = 0
@@ -182,6 +185,9 @@ class Hub:
     def publish(self, type: str, machine: str | None, data: dict[str, Any]) -> int:  # noqa: A002 - the word of api.md
         """Announce something; its sequence number. Never waits for a reader."""
         self._seq += 1
+        if type in (STATE, CONSOLE) and not self._subscriptions:
+            self.published[type] += 1
+            return self._seq  # nobody is there, and it is not kept for anybody who was
         message = Message(self._seq, type, machine, self.envelope(type, data, machine=machine, seq=self._seq))
         self.published[type] += 1
         if type not in (STATE, CONSOLE):
@@ -221,5 +227,8 @@ class Hub:
 
     def _keep(self, message: Message) -> None:
         self._kept.append(message)
-        if len(self._kept) > REPLAY_LIMIT:
-            self._forgotten_seq = self._kept.popleft().seq
+        self._kept_bytes += len(message.text)
+        while len(self._kept) > REPLAY_LIMIT or self._kept_bytes > REPLAY_LIMIT_BYTES:
+            forgotten = self._kept.popleft()
+            self._kept_bytes -= len(forgotten.text)
+            self._forgotten_seq = forgotten.seq

@@ -66,6 +66,8 @@ class JobStream:
         self._writes: list[_Write] = []
         self._busy = False
         self._pump: Callable[[], None] = lambda: None
+        self._flush: Callable[[], None] = lambda: None
+        self._reading: asyncio.Handle | None = None
         self._overdue: asyncio.TimerHandle | None = None
         self._progress_at = 0.0
         self._alive_at = 0.0
@@ -135,10 +137,17 @@ class JobStream:
             self._busy = False
         self._write()
         self._arm()
+        if self.runner is not None and self.runner.reading and self._reading is None:
+            self._reading = self._loop.call_soon(self._read_on)
         if self.runner is not None and self.runner.over:
             self.runner = self.row = None
         self._pump()
         return submitted
+
+    def _read_on(self) -> None:
+        """A long stretch without a block is read piece by piece; in between the loop does what else there is."""
+        self._reading = None
+        self.react([])
 
     def _advance(self) -> bool:
         if self.runner is None or self._engine is None:
@@ -155,15 +164,16 @@ class JobStream:
         past = self.runner.inherit()
         return OpenWork(past.batches, past.start, past.move_until)
 
-    def link_up(self, engine: Engine, pump: Callable[[], None]) -> None:
-        """A new epoch has begun; it does not take commands yet."""
+    def link_up(self, engine: Engine, pump: Callable[[], None], flush: Callable[[], None]) -> None:
+        """A new epoch has begun; it does not take commands yet. `flush` writes what the engine has to send."""
         self._engine = engine
         self._pump = pump
+        self._flush = flush
 
     def link_down(self, *, last_life_at: float) -> None:
         """The epoch is over."""
         self._engine = None
-        self._pump = lambda: None
+        self._pump = self._flush = lambda: None
         if self.runner is not None:
             self.react(self.runner.link_down(last_life_at=last_life_at))
 
@@ -218,6 +228,7 @@ class JobStream:
             case Submit(command=command):
                 assert self._engine is not None
                 self._engine.submit(command, self._loop.time())
+                self._flush()  # the machine stands still until it has this; the planning of the next can wait
             case MarkBatch():
                 self._post(journal.mark, effect)
                 self._marked(effect)

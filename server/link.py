@@ -43,7 +43,7 @@ class Link:
     def realtime(self, command: RealtimeCommand) -> None:
         """Hand a realtime command to the engine; its bytes go out before this returns."""
         self.engine.realtime(command, self._loop.time())
-        self._flush()
+        self.flush()
         self.pump()
 
     def pump(self) -> None:
@@ -59,6 +59,11 @@ class Link:
             self._pumping = False
         self._arm()
 
+    def flush(self) -> None:
+        """Write what the engine has to send. Harmless at any time, from inside a callback too."""
+        if not self._closed and (data := self.engine.data_to_send(self._loop.time())):
+            self._write(data)
+
     def close(self) -> None:
         """The epoch is over: nothing comes in or goes out any more."""
         self._closed = True
@@ -68,14 +73,10 @@ class Link:
         return not self._closed
 
     def _hand_over(self) -> None:
-        self._flush()
+        self.flush()
         while self._open() and (event := self.engine.next_event()) is not None:
             self._on_event(event)
-            self._flush()
-
-    def _flush(self) -> None:
-        if not self._closed and (data := self.engine.data_to_send(self._loop.time())):
-            self._write(data)
+            self.flush()
 
     def _arm(self) -> None:
         if self._timer is not None:

@@ -158,6 +158,9 @@ class Machine:
             lambda data: self._received(epoch, data),
             lambda reason: self._port_lost(epoch, reason),
         )
+        if self._reconnect.lost_already:  # no engine is begun on a port that nobody will ever report as lost again
+            port.close()
+            raise OSError("it was lost while it was being opened")
         self._port = port
         self._start_engine(port, self.stream.inherit())
 
@@ -167,7 +170,7 @@ class Machine:
         engine = self._make_engine(first_id=first_id, now=now, open_work=open_work)
         self._engine = engine
         self._link = Link(engine, port.write, self._handle, self._offer, self._loop)
-        self.stream.link_up(engine, self.pump)
+        self.stream.link_up(engine, self.pump, self._link.flush)
         if self.unheard_stop is not None:
             # Once: a machine that is in alarm already may answer none, and must not be shut out for ever.
             stop, self.unheard_stop = self.unheard_stop, None

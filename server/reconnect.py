@@ -53,6 +53,11 @@ class Reconnect:
     def wanted(self) -> bool:
         return self.phase is not Phase.OFF
 
+    @property
+    def lost_already(self) -> bool:
+        """The present epoch is known to be lost."""
+        return self._lost.is_set()
+
     def want(self) -> None:
         """Open the port and keep it open; at once, even while waiting for the next attempt."""
         if self.phase in (Phase.OPENING, Phase.OPEN):
@@ -92,9 +97,11 @@ class Reconnect:
             self._lost.clear()
             try:
                 await self._open_epoch(self.epoch)
-            except OSError as error:
+            except Exception as error:
+                if not isinstance(error, OSError):
+                    log.exception("an epoch could not be begun")
                 self._go("refused")
-                self._on_refused(str(error))
+                self._on_refused(str(error) or type(error).__name__)
             else:
                 self._go("opened")
                 await self._lost.wait()

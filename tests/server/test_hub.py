@@ -12,6 +12,7 @@ from server.hub import (
     QUEUE_LIMIT,
     QUEUE_LIMIT_BYTES,
     REPLAY_LIMIT,
+    REPLAY_LIMIT_BYTES,
     TOPICS,
     CutError,
     Filter,
@@ -249,6 +250,16 @@ def test_what_is_too_old_or_from_the_future_is_not_replayed() -> None:
     kept = h.missed(105, Filter())
     assert kept is not None
     assert len(list(kept)) == REPLAY_LIMIT
+
+
+def test_large_messages_do_not_fill_the_memory() -> None:
+    h = hub()
+    for _ in range(100):
+        h.publish("queue", "router", {"jobs": "x" * (REPLAY_LIMIT_BYTES // 10)})
+    assert h.missed(0, Filter()) is None
+    kept = h.missed(95, Filter())
+    assert kept is not None
+    assert sum(map(len, kept)) <= REPLAY_LIMIT_BYTES
 
 
 def test_states_do_not_push_events_out_of_the_replay() -> None:

@@ -59,6 +59,26 @@ def test_it_tries_for_ever_with_growing_pauses() -> None:
     run_simulated(main())
 
 
+def test_whatever_goes_wrong_it_tries_again(caplog: pytest.LogCaptureFixture) -> None:
+    async def main() -> None:
+        ports = Ports()
+        attempts = []
+
+        async def fail(epoch: int) -> None:
+            attempts.append(epoch)
+            raise ZeroDivisionError
+
+        reconnect = Reconnect(fail, ports.refused.append)
+        reconnect.want()
+        await asyncio.sleep(DELAYS_S[0] + 0.1)
+        assert attempts == [1, 2]
+        assert ports.refused == ["ZeroDivisionError"] * 2
+        reconnect.unwant()
+
+    run_simulated(main())
+    assert "could not be begun" in caplog.text
+
+
 def test_a_port_that_opens_and_never_answers_does_not_reset_the_pause() -> None:
     async def main() -> None:
         ports = Ports()
