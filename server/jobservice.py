@@ -32,7 +32,7 @@ Views = list[dict[str, Any]]
 
 BATCHES_LISTED = 10_000
 EVENTS_LISTED = 10_000
-"""Most rows of one answer; the newest."""
+"""Most rows of one answer, oldest first; `after` brings the next ones."""
 
 
 class JobService:
@@ -82,15 +82,15 @@ class JobService:
         """One job. Raises ProblemError."""
         return self._view(await self.row(job_id))
 
-    async def batches(self, job_id: int) -> Views:
-        """The journal of a job. Raises ProblemError."""
+    async def batches(self, job_id: int, after: int = 0) -> Views:
+        """The journal of a job, the rows with a `seq` above `after`. Raises ProblemError."""
         await self.row(job_id)
-        return await self.db.run(journal.rows_of, job_id, limit=BATCHES_LISTED)
+        return await self.db.run(journal.rows_of, job_id, limit=BATCHES_LISTED, after=after)
 
-    async def events(self, job_id: int) -> Views:
-        """The history of a job. Raises ProblemError."""
+    async def events(self, job_id: int, after: int = 0) -> Views:
+        """The history of a job, the events with an `id` above `after`. Raises ProblemError."""
         await self.row(job_id)
-        return await self.db.run(history.of_job, job_id, limit=EVENTS_LISTED)
+        return await self.db.run(history.of_job, job_id, limit=EVENTS_LISTED, after=after)
 
     async def report(self, job_id: int) -> dict[str, Any]:
         """The job as a whole. Raises ProblemError."""

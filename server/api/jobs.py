@@ -170,6 +170,9 @@ def _action(
     return endpoint
 
 
+After = Annotated[int, Query(ge=0, le=2**53, description="Only rows with a higher `seq` (batches) or `id` (events)")]
+
+
 def _journal(app: FastAPI, services: Services) -> None:
     routes = Routes(app, "jobs")
 
@@ -181,9 +184,9 @@ def _journal(app: FastAPI, services: Services) -> None:
         model=list[BatchView],
         errors=("unknown_job",),
     )
-    async def get_batches(id: JobId) -> Response:
+    async def get_batches(id: JobId, after: After = 0) -> Response:
         """Which lines went out under which id of the wire, and what is known of them."""
-        return json_response(await services.jobs.batches(id))
+        return json_response(await services.jobs.batches(id, after))
 
     @routes.add(
         "GET",
@@ -193,8 +196,8 @@ def _journal(app: FastAPI, services: Services) -> None:
         model=list[JobEventView],
         errors=("unknown_job",),
     )
-    async def get_events(id: JobId) -> Response:
-        return json_response(await services.jobs.events(id))
+    async def get_events(id: JobId, after: After = 0) -> Response:
+        return json_response(await services.jobs.events(id, after))
 
     @routes.add(
         "GET",

@@ -161,12 +161,12 @@ class FakeJobs(Recording):
         self.note("recover", job_id, action, line)
         return self.job(job_id)
 
-    async def batches(self, job_id: int) -> "list[Json]":
-        self.note("batches", job_id)
+    async def batches(self, job_id: int, after: int = 0) -> "list[Json]":
+        self.note("batches", job_id, after)
         return []
 
-    async def events(self, job_id: int) -> "list[Json]":
-        self.note("events", job_id)
+    async def events(self, job_id: int, after: int = 0) -> "list[Json]":
+        self.note("events", job_id, after)
         return []
 
     async def report(self, job_id: int) -> Json:

@@ -95,7 +95,13 @@ def test_recovery_never_guesses(body: Any) -> None:
     assert (status, answer["code"], calls) == (422, "invalid_request", [])
 
 
-@pytest.mark.parametrize("part", ["batches", "events", "report"])
-def test_the_journal(part: str) -> None:
-    status, _, calls = ask("GET", f"{JOBS}/17/{part}")
-    assert (status, calls) == (200, [(part, 17)])
+@pytest.mark.parametrize("part", ["batches", "events"])
+def test_the_journal_page_by_page(part: str) -> None:
+    assert ask("GET", f"{JOBS}/17/{part}")[2] == [(part, 17, 0)]
+    assert ask("GET", f"{JOBS}/17/{part}?after=10000")[2] == [(part, 17, 10_000)]
+    assert ask("GET", f"{JOBS}/17/{part}?after=-1")[0] == 422
+
+
+def test_the_report() -> None:
+    status, _, calls = ask("GET", f"{JOBS}/17/report")
+    assert (status, calls) == (200, [("report", 17)])
