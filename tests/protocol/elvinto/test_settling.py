@@ -99,6 +99,12 @@ class TestInheritedWork:
         settle(scene, 0)
         assert scene.take(FateInDoubt)
 
+    def test_a_repeated_batch_that_falls_silent_after_received_is_asked_for(self):
+        scene = inherit(still(2001))
+        scene.wait(1.51)
+        scene.say("RECEIVED,ID<#2001")
+        assert (3000, "GCODE,DATA<#W95") in scene.wait(3)
+
     def test_after_a_long_break_nothing_that_moves_is_sent(self):
         scene = inherit(still(2001), move_until=-1)
         sent = scene.wait(3)
