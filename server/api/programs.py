@@ -48,6 +48,8 @@ def install(app: FastAPI, services: Services) -> None:
     """All routes under /programs."""
     _upload(app, services)
     _views(app, services)
+    _contents(app, services)
+    _removal(app, services)
 
 
 def _upload(app: FastAPI, services: Services) -> None:
@@ -112,6 +114,10 @@ def _views(app: FastAPI, services: Services) -> None:
     async def get_program(id: ProgramId) -> Response:
         return json_response(await services.programs.get(id))
 
+
+def _contents(app: FastAPI, services: Services) -> None:
+    routes = Routes(app, "programs")
+
     @routes.add(
         "GET",
         "/programs/{id}/source",
@@ -150,6 +156,10 @@ def _views(app: FastAPI, services: Services) -> None:
         if (machine is None) == (profile is None):
             raise ProblemError("invalid_request", "Name either `machine` or `profile`.")
         return json_response(await services.programs.check(id, machine=machine, profile=profile))
+
+
+def _removal(app: FastAPI, services: Services) -> None:
+    routes = Routes(app, "programs")
 
     @routes.add(
         "DELETE",
