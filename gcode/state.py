@@ -1,0 +1,93 @@
+"""What a controller remembers between blocks: position, modes, offsets. Not what a block does; that is interpreter.py.
+
+The one rule: what is not certain is NaN (a coordinate) or None (a mode), never a guess.
+"""
+
+from dataclasses import dataclass, field, replace
+from math import isnan, nan
+
+
+@dataclass(slots=True)
+class State:
+    """Lengths in mm, angles in degrees, in the order of `axes` (upper-case letters).
+
+    `position` is in machine coordinates as far as they are known; program coordinate = machine coordinate - frame.
+    `motion` is the effect of the modal motion code (`rapid`, `feed`, `arc_cw`, `drill`, ..., `cancel`), None where no
+    code has set it; `motion_name` its name (`G83`). `spindle` is 1 clockwise, -1 counter-clockwise, 0 off.
+    `tool` is in the spindle, `selected` is what T named last. `cycle` holds the sticky words of a canned cycle.
+    """
+
+    axes: str
+    position: list[float]
+    absolute: bool | None = True
+    remembered: bool | None = None
+    arc_absolute: bool = False
+    inches: bool = False
+    plane: int = 17
+    feed_mode: int = 94
+    motion: str | None = None
+    motion_name: str | None = None
+    feed: float | None = None
+    spindle: int | None = 0
+    speed: float = 0.0
+    mist: bool = False
+    flood: bool = False
+    tool: int | None = None
+    selected: int | None = None
+    return_to_r: bool = False
+    compensation: int = 40
+    home_ignored: bool = False
+    cycle: dict[str, float] = field(default_factory=dict)
+    system: int = 1
+    systems: dict[int, list[float]] = field(default_factory=dict)
+    shift: list[float] = field(default_factory=list)
+    shift_active: bool = False
+    tool_offset: list[float] = field(default_factory=list)
+    homes: dict[int, list[float]] = field(default_factory=dict)
+    ended: bool = False
+    frame: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        nothing = [0.0] * len(self.axes)
+        self.shift = self.shift or list(nothing)
+        self.tool_offset = self.tool_offset or list(nothing)
+        self.frame = self.frame or tuple(nothing)
+
+    @classmethod
+    def unknown(cls, axes: str) -> "State":
+        """The machine may stand anywhere."""
+        return cls(axes, [nan] * len(axes))
+
+    def copy(self) -> "State":
+        """A second state that goes on from here by itself."""
+        return replace(
+            self,
+            position=list(self.position),
+            cycle=dict(self.cycle),
+            systems={key: list(value) for key, value in self.systems.items()},
+            shift=list(self.shift),
+            tool_offset=list(self.tool_offset),
+            homes={key: list(value) for key, value in self.homes.items()},
+        )
+
+    def place(self) -> dict[str, float]:
+        """The known program coordinates, by lower-case axis name: what the machine would report as work position."""
+        return {
+            axis.lower(): machine - offset
+            for axis, machine, offset in zip(self.axes, self.position, self.frame, strict=True)
+            if not isnan(machine)
+        }
+
+    def locate(self, place: dict[str, float]) -> None:
+        """The machine's own account of its program coordinates; an axis that is not in it is not known any more."""
+        self.position = [
+            place.get(axis.lower(), nan) + offset for axis, offset in zip(self.axes, self.frame, strict=True)
+        ]
+
+    def refresh_frame(self) -> None:
+        """Work out `frame` after a change of an offset. The machine has not moved."""
+        system = self.systems.get(self.system)
+        self.frame = tuple(
+            (system[row] if system else 0.0) + (self.shift[row] if self.shift_active else 0.0) + self.tool_offset[row]
+            for row in range(len(self.axes))
+        )
