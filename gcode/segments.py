@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 RAPID, FEED, CW, CCW, DWELL, HOMING, PROBE = range(7)
 """Kinds. HOMING: a way of the controller's own, its length unknown; PROBE: a feed move that may end anywhere."""
@@ -48,7 +49,7 @@ class Segments:
     spindle: Floats
     tool: NDArray[np.int32]
     dwell_s: Floats
-    sync: NDArray[np.bool_]
+    sync: Bools
     frame: NDArray[np.int32]
     frames: Sequence[Sequence[float]]
     plane: NDArray[np.uint8]
@@ -61,9 +62,10 @@ class Segments:
         return len(self.line)
 
     @property
-    def is_arc(self) -> NDArray[np.bool_]:
+    def is_arc(self) -> Bools:
         """Which segments are arcs, those that cannot be included."""
-        return (self.kind == CW) | (self.kind == CCW)
+        arcs: Bools = (self.kind == CW) | (self.kind == CCW)
+        return arcs
 
     @property
     def way(self) -> Floats:
@@ -80,7 +82,7 @@ class Segments:
         way = np.nan_to_num(self.way)
         linear = [row for row, axis in enumerate(self.axes) if axis in LINEAR_AXES]
         rotary = [row for row, axis in enumerate(self.axes) if axis in ROTARY_AXES]
-        length = np.sqrt(np.sum(way[linear] ** 2, axis=0))
+        length: Floats = np.sqrt(np.sum(way[linear] ** 2, axis=0))
         if rotary:
             length = np.where(length > 0.0, length, np.sqrt(np.sum(way[rotary] ** 2, axis=0)))
         arcs = np.flatnonzero(self.is_arc & ~np.isnan(self.radius))
