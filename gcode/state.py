@@ -14,7 +14,10 @@ class State:
     `position` is in machine coordinates as far as they are known; program coordinate = machine coordinate - frame.
     `motion` is the effect of the modal motion code (`rapid`, `feed`, `arc_cw`, `drill`, ..., `cancel`), None where no
     code has set it; `motion_name` its name (`G83`). `spindle` is 1 clockwise, -1 counter-clockwise, 0 off.
-    `tool` is in the spindle, `selected` is what T named last. `cycle` holds the sticky words of a canned cycle.
+    `tool` is in the spindle, `selected` is what T named last. `cycle` holds the sticky words of a canned cycle, in mm.
+    `position` is replaced, never edited. `systems`, `tools`, `homes` hold what is known: an entry that is absent or
+    NaN is an offset that nobody has told, and counts as 0 in `frame`. `diameters` are those of the tools.
+    `radius` is the tool's for compensation. `sync`: the controller's queue runs dry before the next motion.
     """
 
     axes: str
@@ -44,6 +47,12 @@ class State:
     shift_active: bool = False
     tool_offset: list[float] = field(default_factory=list)
     homes: dict[int, list[float]] = field(default_factory=dict)
+    tools: dict[int, list[float]] = field(default_factory=dict)
+    diameters: dict[int, float] = field(default_factory=dict)
+    radius: float | None = None
+    diameter_mode: bool = False
+    saved: "State | None" = None
+    sync: bool = False
     ended: bool = False
     frame: tuple[float, ...] = ()
 
@@ -68,6 +77,8 @@ class State:
             shift=list(self.shift),
             tool_offset=list(self.tool_offset),
             homes={key: list(value) for key, value in self.homes.items()},
+            tools={key: list(value) for key, value in self.tools.items()},
+            diameters=dict(self.diameters),
         )
 
     def place(self) -> dict[str, float]:
@@ -88,6 +99,12 @@ class State:
         """Work out `frame` after a change of an offset. The machine has not moved."""
         system = self.systems.get(self.system)
         self.frame = tuple(
-            (system[row] if system else 0.0) + (self.shift[row] if self.shift_active else 0.0) + self.tool_offset[row]
+            _known(system[row] if system else 0.0)
+            + (_known(self.shift[row]) if self.shift_active else 0.0)
+            + _known(self.tool_offset[row])
             for row in range(len(self.axes))
         )
+
+
+def _known(offset: float) -> float:
+    return 0.0 if isnan(offset) else offset
