@@ -1,0 +1,181 @@
+"""Segments as blocks of the planner: length, acceleration, nominal speed, and how fast each may be entered.
+
+Facts of Grbl's planner (gcode.md §5). Not the look-ahead over the blocks, that is lookahead.py. The one rule: what the
+controller would drop as no way at all is no block, and what empties its queue lets the next block begin at rest.
+"""
+
+from dataclasses import dataclass, fields
+from math import inf, isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcode.chords import chord_counts, straight_ways
+from gcode.motion import ASSUMED_FEED_MM_MIN, DEFAULT_ACCELERATION_MM_S2, DEFAULT_RATE_MM_MIN, Motion
+from gcode.segments import DWELL, HOMING, PROBE, RAPID, Floats, Ints, Segments
+
+LOWEST_SPEED_MM_S = 1.0 / 60.0
+"""Grbl's MINIMUM_FEED_RATE, 1 mm/min: no block is planned slower, whatever F and overrides say."""
+
+STRAIGHT = 0.999999
+"""Cosine of a corner above which it is a straight line, and below whose negative it is a reversal (planner.c)."""
+
+NO_WAY_MM = 1e-9
+"""Shorter than this is rounding of coordinates, where no steps tell."""
+
+LONGEST_STEP_S = 8 * 65535 / 16e6
+"""A step never takes longer: Grbl's 16-bit timer at 16 MHz, slowed eightfold at most. Slower feeds run faster."""
+
+
+MOST = 1e9
+"""No figure of a machine is beyond it; cut off here, so that products of them stay numbers."""
+
+
+@dataclass(slots=True)
+class Blocks:
+    """Columns: `row` of the segment; `length` mm; `acceleration` mm/s²; `nominal` mm/s; `limit2` v² of entry at most.
+
+    `longest_s`: a block is not slower than this, infinite where steps are not known.
+    """
+
+    row: Ints
+    length: Floats
+    acceleration: Floats
+    nominal: Floats
+    limit2: Floats
+    longest_s: Floats
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def since(self, first: int, row_shift: int) -> "Blocks":
+        """The blocks from `first` on, their rows counted from a place `row_shift` further on."""
+        cut = [getattr(self, field.name)[first:] for field in fields(self)]
+        return Blocks(cut[0] - row_shift, *cut[1:])
+
+    def then(self, others: "Blocks") -> "Blocks":
+        """These and the others behind them."""
+        return Blocks(
+            *(np.concatenate((getattr(self, field.name), getattr(others, field.name))) for field in fields(self))
+        )
+
+
+def no_blocks() -> Blocks:
+    """The empty queue."""
+    return Blocks(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(5)))
+
+
+class BlockMaker:
+    """Makes blocks of segments, piece by piece: remembers the direction and speed of the last block.
+
+    `at_rest`: nothing is in the queue, or what has come since the last block lets it run dry.
+    """
+
+    def __init__(self, motion: Motion, axes: str, *, feed_override: float = 1.0, rapid_override: float = 1.0) -> None:
+        names = [axis.lower() for axis in axes]
+        self._motion = motion
+        self._rates = [_positive(motion.rate_mm_min(axis), DEFAULT_RATE_MM_MIN) / 60 for axis in names]
+        self._accelerations = [_positive(motion.acceleration_mm_s2(axis), DEFAULT_ACCELERATION_MM_S2) for axis in names]
+        given = {row: motion.steps_per_mm.get(axis, 0.0) for row, axis in enumerate(names)}
+        self._steps = {row: steps for row, steps in given.items() if isfinite(steps) and 0 < steps <= MOST}
+        self._deviation = _positive(motion.junction_deviation_mm, 0.0)
+        self._tolerance = _positive(motion.arc_tolerance_mm, 1e-6)
+        self._feed_override = _positive(feed_override, 1.0)
+        self._rapid_override = _positive(rapid_override, 1.0)
+        self._unit = np.zeros(len(axes))
+        self._nominal = 0.0
+        self.at_rest = True
+
+    def counts(self, segments: Segments) -> Ints:
+        """How many lines each segment becomes."""
+        return chord_counts(segments, self._tolerance)
+
+    def make(self, segments: Segments, counts: Ints) -> Blocks:
+        """The blocks of these segments; `counts` is what `counts()` said of them."""
+        ways = straight_ways(segments, counts, self._steps)
+        delta, row = ways.delta, ways.row
+        length = np.sqrt(np.einsum("ij,ij->j", delta, delta))
+        moves = length > NO_WAY_MM
+        rests = self._rests(segments, row, ways.first, moves)
+        if not moves.all():
+            delta, row, length = delta[:, moves], row[moves], length[moves]
+        if not len(row):
+            return no_blocks()
+        unit = delta / length
+        acceleration, rapid = _by_axis(unit, self._accelerations), _by_axis(unit, self._rates)
+        nominal = self._nominal_speeds(segments, row, rapid)
+        limit2 = self._entry_limits(unit, nominal)
+        if rests is not None:
+            limit2[rests] = 0.0
+        return Blocks(row, length, acceleration, nominal, limit2, self._longest(delta))
+
+    def _rests(
+        self, segments: Segments, row: Ints, first: NDArray[np.bool_], moves: NDArray[np.bool_]
+    ) -> NDArray[np.bool_] | None:
+        """Which of the moving lines begin at rest, None where none does; `at_rest` for what comes after."""
+        kind = segments.kind
+        alone = (kind == DWELL) | (kind == HOMING) | (kind == PROBE)
+        dry = segments.sync | alone
+        if len(dry):
+            dry[0] |= self.at_rest
+            dry[1:] |= alone[:-1]
+        events = dry[row] & first
+        if self._motion.laser:
+            # A way of no length with the beam at constant power waits for the queue (motion_control.c, spindle_sync).
+            events |= ~moves & (segments.spindle > 0)[row]
+        after = bool(len(alone) and alone[-1])
+        if not events.any():
+            self.at_rest = after
+            return None
+        number = np.cumsum(events)
+        at_moves = number[moves]
+        rests = np.diff(at_moves, prepend=0) > 0
+        self.at_rest = after or bool(number[-1] > (at_moves[-1] if len(at_moves) else 0))
+        return rests
+
+    def _nominal_speeds(self, segments: Segments, row: Ints, rapid: Floats) -> Floats:
+        kind = segments.kind
+        feed = np.where(np.isnan(segments.feed), ASSUMED_FEED_MM_MIN, segments.feed) / 60
+        # Neither homing nor a probe obeys the overrides.
+        wanted = np.where(kind == PROBE, feed, feed * self._feed_override)
+        wanted[(kind == RAPID) | (kind == HOMING)] = inf
+        nominal = np.minimum(wanted[row], rapid)
+        if self._rapid_override != 1.0:
+            nominal[(kind == RAPID)[row]] *= self._rapid_override
+        return np.maximum(nominal, LOWEST_SPEED_MM_S, out=nominal)
+
+    def _entry_limits(self, unit: Floats, nominal: Floats) -> Floats:
+        """v² at most between each block and the one before: by the corner, and by the slower of the two."""
+        before = np.concatenate((self._unit[:, None], unit[:, :-1]), axis=1)
+        slower = np.minimum(nominal, np.concatenate(([self._nominal], nominal[:-1])))
+        self._unit, self._nominal = unit[:, -1].copy(), float(nominal[-1])
+        cosine = np.einsum("ij,ij->j", before, unit)
+        half_sine = np.sqrt(np.maximum(0.5 * (1.0 + cosine), 0.0))
+        turn = unit - before
+        turn_length = np.sqrt(np.einsum("ij,ij->j", turn, turn))
+        acceleration = _by_axis(turn / turn_length, self._accelerations)
+        corner2 = acceleration * self._deviation * half_sine / (1.0 - half_sine)
+        corner2 = np.where(cosine > STRAIGHT, inf, np.where(cosine < -STRAIGHT, 0.0, corner2))
+        limit2: Floats = np.minimum(corner2, slower * slower)
+        return limit2
+
+    def _longest(self, delta: Floats) -> Floats:
+        if not self._steps:
+            return np.full(delta.shape[1], inf)
+        steps = np.zeros(delta.shape[1])
+        for axis_row, steps_per_mm in self._steps.items():
+            np.maximum(steps, np.abs(delta[axis_row]) * steps_per_mm, out=steps)
+        return np.where(steps > 0, steps * LONGEST_STEP_S, inf)
+
+
+def _by_axis(unit: Floats, most: list[float]) -> Floats:
+    """The most along each unit vector that exceeds `most` on no axis: min of most/|u|."""
+    share = np.abs(unit[0]) / most[0]
+    for axis_row in range(1, len(most)):
+        np.maximum(share, np.abs(unit[axis_row]) / most[axis_row], out=share)
+    most_along: Floats = 1.0 / share
+    return most_along
+
+
+def _positive(value: float, otherwise: float) -> float:
+    return min(value, MOST) if isfinite(value) and value > 0 else otherwise

@@ -1,0 +1,414 @@
+"""Seconds of a program: against the same model written plainly, one block after the other, and against the firmware."""
+
+from itertools import pairwise
+from math import atan2, ceil, copysign, cos, floor, hypot, inf, isfinite, nan, pi, sin, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gcode.motion import Motion
+from gcode.planner import Planner, plan
+from gcode.segments import CCW, CW, DWELL, FEED, HOMING, PROBE, RAPID, Segments
+from tests.harness.programs import quick
+
+ROUTER = Motion(
+    max_rate={"x": 8000.0, "y": 8000.0, "z": 2000.0},
+    acceleration={"x": 200.0, "y": 200.0, "z": 100.0},
+    steps_per_mm={"x": 100.0, "y": 100.0, "z": 100.0},
+    laser=True,
+)
+"""The machine whose firmware was measured: Grbl 1.1h, $11=0.010, $12=0.002, $32=1."""
+
+ODD = Motion(ROUTER.max_rate, ROUTER.acceleration, laser=True, steps_per_mm={"x": 97.13, "y": 98.71, "z": 401.9})
+"""Steps on which no point of an arc ends by chance half-way: the last bit would decide where it goes."""
+
+SMOOTH = Motion(max_rate=ROUTER.max_rate, acceleration=ROUTER.acceleration)
+
+Row = dict[str, Any]
+
+
+def move(kind: int, end: tuple[float, ...], **more: Any) -> Row:
+    """A row of a program: `end` in mm; `feed`, `sync`, `dwell_s`, `spindle`; `centre` (from the start) and `turns`."""
+    return {"kind": kind, "end": end, **more}
+
+
+def segments(rows: list[Row], start: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Segments:
+    """Rows one after the other, each from where the one before ended."""
+    ends = np.array([row["end"] for row in rows], float).reshape(len(rows), len(start)).T
+    starts = np.concatenate((np.array(start, float)[:, None], ends[:, :-1]), axis=1)[:, : len(rows)]
+    none = np.zeros(len(rows))
+    arc = {name: np.full(len(rows), nan) for name in ("radius", "end_radius", "sweep")}
+    centre = np.full((2, len(rows)), nan)
+    plane = np.zeros(len(rows), np.uint8)
+    for at, row in enumerate(rows):
+        if "centre" not in row:
+            continue
+        first, second = {17: (0, 1), 18: (2, 0), 19: (1, 2)}[row.get("plane", 17)]
+        plane[at], centre[:, at] = row.get("plane", 17), row["centre"]
+        across, up = row["centre"]
+        to_across, to_up = ends[first, at] - starts[first, at] - across, ends[second, at] - starts[second, at] - up
+        turn = (atan2(to_up, to_across) - atan2(-up, -across)) % (2 * pi) or 2 * pi
+        arc["radius"][at], arc["end_radius"][at] = hypot(across, up), hypot(to_across, to_up)
+        arc["sweep"][at] = turn if row["kind"] == CCW else turn - 2 * pi or -2 * pi
+    return Segments(
+        axes="XYZABC"[: len(start)],
+        line=np.arange(1, len(rows) + 1),
+        kind=np.array([row["kind"] for row in rows], np.uint8),
+        start=starts,
+        end=ends,
+        feed=np.array([row.get("feed", 1200.0) for row in rows], float),
+        spindle=np.array([row.get("spindle", 0.0) for row in rows], float),
+        tool=np.full(len(rows), -1, np.int32),
+        dwell_s=np.array([row.get("dwell_s", 0.0) for row in rows], float),
+        sync=np.array([row.get("sync", False) for row in rows], bool),
+        frame=none.astype(np.int32),
+        frames=[[0.0] * len(start)],
+        plane=plane,
+        centre=centre,
+        radius=arc["radius"],
+        end_radius=arc["end_radius"],
+        sweep=arc["sweep"],
+    )
+
+
+# --- the model once more, plainly -----------------------------------------------------------------------------------
+
+
+class Block:
+    """One block of the planner, by the formulas of gcode.md §5."""
+
+    def __init__(self, row: int, way: list[float], motion: Motion, kind: int, feed: float, at_rest: bool) -> None:
+        self.row, self.at_rest = row, at_rest
+        self.length = sqrt(sum(part * part for part in way))
+        self.unit = [part / self.length for part in way]
+        self.a = self.along(self.unit, [motion.acceleration_mm_s2(axis) for axis in "xyzabc"])
+        self.rapid = self.along(self.unit, [motion.rate_mm_min(axis) / 60 for axis in "xyzabc"])
+        wanted = self.rapid if kind in (RAPID, HOMING) else min(feed / 60, self.rapid)
+        self.speed = max(wanted, 1 / 60)
+        steps = [abs(part) * motion.steps_per_mm.get(axis, 0.0) for part, axis in zip(way, "xyzabc", strict=False)]
+        self.longest = max(steps) * 8 * 65535 / 16e6 if max(steps) > 0 else inf
+        self.enter2 = 0.0
+
+    @staticmethod
+    def along(unit: list[float], most: list[float]) -> float:
+        return min(limit / abs(part) for part, limit in zip(unit, most, strict=False) if part)
+
+    def corner2(self, before: "Block", motion: Motion) -> float:
+        if self.at_rest:
+            return 0.0
+        slower = min(self.speed, before.speed) ** 2
+        cosine = sum(one * other for one, other in zip(self.unit, before.unit, strict=True))
+        if cosine > 0.999999:
+            return slower
+        if cosine < -0.999999:
+            return 0.0
+        half_sine = sqrt((1 + cosine) / 2)
+        turn = [one - other for one, other in zip(self.unit, before.unit, strict=True)]
+        size = sqrt(sum(part * part for part in turn))
+        a = self.along([part / size for part in turn], [motion.acceleration_mm_s2(axis) for axis in "xyzabc"])
+        return min(slower, a * motion.junction_deviation_mm * half_sine / (1 - half_sine))
+
+
+def lines_of(program: Segments, at: int, tolerance: float) -> list[list[float]]:
+    """The ends of the straight lines that make segment `at`."""
+    start, end = [list(column) for column in (program.start[:, at], program.end[:, at])]
+    if program.kind[at] not in (CW, CCW) or not isfinite(program.radius[at]):
+        return [end]
+    radius, sweep = program.radius[at], program.sweep[at]
+    under = tolerance * (2 * radius - tolerance)
+    count = max(1, floor(abs(sweep * radius / 2) / sqrt(under))) if under > 0 else 1
+    first, second = {17: (0, 1), 18: (2, 0), 19: (1, 2)}[int(program.plane[at])]
+    across, up = program.centre[:, at]
+    points = []
+    for number in range(1, count):
+        point = [from_ + (to - from_) * number / count for from_, to in zip(start, end, strict=True)]
+        angle = sweep * number / count
+        point[first] = start[first] + across - across * cos(angle) + up * sin(angle)
+        point[second] = start[second] + up - across * sin(angle) - up * cos(angle)
+        points.append(point)
+    return [*points, end]
+
+
+def on_step(value: float, steps_per_mm: float) -> float:
+    steps = value * steps_per_mm
+    return copysign(floor(abs(steps) + 0.5), steps) / steps_per_mm if steps_per_mm else value
+
+
+def blocks_of(program: Segments, motion: Motion) -> list[Block]:
+    blocks: list[Block] = []
+    at_rest = True
+    for at in range(len(program)):
+        kind = int(program.kind[at])
+        at_rest = at_rest or bool(program.sync[at]) or kind in (DWELL, HOMING, PROBE)
+        here = list(program.start[:, at])
+        for point in lines_of(program, at, motion.arc_tolerance_mm):
+            axes = zip(point, here, "xyzabc", strict=False)
+            steps = motion.steps_per_mm
+            way = [on_step(to, steps.get(axis, 0)) - on_step(from_, steps.get(axis, 0)) for to, from_, axis in axes]
+            way = [part if isfinite(part) else 0.0 for part in way]
+            here = point
+            if hypot(*way) > 1e-9:
+                blocks.append(Block(at, way, motion, kind, program.feed[at], at_rest))
+                at_rest = False
+            elif motion.laser and program.spindle[at] > 0:
+                at_rest = True
+        at_rest = at_rest or kind in (DWELL, HOMING, PROBE)
+    return blocks
+
+
+def seconds_of(program: Segments, motion: Motion) -> list[float]:
+    """Block by block as the ring of the controller has it: for each, the queue behind it planned down to a stop."""
+    blocks = blocks_of(program, motion)
+    limit2 = [0.0, *(block.corner2(before, motion) for before, block in pairwise(blocks))]
+    seconds = [
+        ceil(s / 0.05 - 1e-6) * 0.05 if k == DWELL else 0.0 for s, k in zip(program.dwell_s, program.kind, strict=True)
+    ]
+    enter2 = 0.0
+    for at, block in enumerate(blocks):
+        queue = range(at + 1, min(at + max(motion.planner_blocks - 1, 1), len(blocks)))
+        leave2 = 0.0
+        for later in reversed(queue):
+            leave2 = min(limit2[later], leave2 + 2 * blocks[later].a * blocks[later].length)
+        leave2 = min(leave2, enter2 + 2 * block.a * block.length)
+        seconds[block.row] += min(trapezoid(block, enter2, leave2), block.longest)
+        enter2 = leave2
+    return seconds
+
+
+def trapezoid(block: Block, enter2: float, leave2: float) -> float:
+    top = min(block.speed, sqrt((enter2 + leave2) / 2 + block.a * block.length))
+    up, down = (top * top - enter2) / (2 * block.a), (top * top - leave2) / (2 * block.a)
+    level = max(block.length - up - down, 0.0) / top
+    return (top - sqrt(enter2)) / block.a + (top - sqrt(leave2)) / block.a + level
+
+
+# --- programs ------------------------------------------------------------------------------------------------------
+
+coordinates = st.one_of(
+    st.integers(-40, 40).map(lambda value: value / 4), st.integers(-300, 300).map(lambda value: value / 1000)
+)
+ends = st.tuples(coordinates, coordinates, coordinates)
+plain = st.builds(
+    lambda kind, end, feed, sync, spindle, dwell_s: move(
+        kind, end, feed=feed, sync=sync, spindle=spindle, dwell_s=dwell_s
+    ),
+    st.sampled_from((FEED, FEED, FEED, FEED, RAPID, HOMING, PROBE, DWELL)),
+    ends,
+    st.sampled_from((5.0, 60.0, 600.0, 1200.0, 9000.0)),
+    st.booleans().flatmap(lambda often: st.booleans() if often else st.just(False)),
+    st.sampled_from((0.0, 1000.0, -1000.0)),
+    st.sampled_from((0.0, 0.01, 0.25, 1.0)),
+)
+arcs = st.builds(
+    lambda kind, end, centre, plane: move(kind, end, centre=centre, plane=plane),
+    st.sampled_from((CW, CCW)),
+    ends,
+    st.tuples(st.floats(0.05, 3), st.floats(-3, 3)),
+    st.sampled_from((17, 18, 19)),
+)
+programs = st.lists(st.one_of(plain, plain, plain, plain, plain, plain, arcs), min_size=1, max_size=40)
+machines = st.builds(
+    lambda base, blocks, deviation: Motion(
+        base.max_rate, base.acceleration, {}, deviation, 0.02, blocks, base.laser, base.steps_per_mm
+    ),
+    st.sampled_from((ODD, SMOOTH)),
+    st.integers(1, 32),
+    st.sampled_from((0.01, 0.0, 0.2)),
+)
+
+
+def still(rows: list[Row]) -> list[Row]:
+    """A dwell goes nowhere."""
+    for before, row in zip([move(FEED, (0.0, 0.0, 0.0)), *rows], rows, strict=False):
+        if row["kind"] == DWELL:
+            row["end"] = before["end"]
+    return rows
+
+
+@quick
+@given(programs.map(still), machines)
+def test_as_the_same_model_block_by_block(rows: list[Row], motion: Motion) -> None:
+    program = segments(rows)
+    assert plan(program, motion) == pytest.approx(seconds_of(program, motion), rel=1e-9, abs=1e-9)
+
+
+@quick
+@given(programs.map(still), machines, st.lists(st.integers(0, 12), max_size=12))
+def test_pieces_of_any_size_take_the_same(rows: list[Row], motion: Motion, sizes: list[int]) -> None:
+    program = segments(rows)
+    planner, parts, at = Planner(motion, program.axes), [], 0
+    for size in [*sizes, len(program)]:
+        parts.append(planner.feed(program.take(slice(at, at + size))))
+        at += size
+    parts.append(planner.flush())
+    assert np.concatenate(parts) == pytest.approx(plan(program, motion), rel=1e-9, abs=1e-12)
+
+
+# --- by hand -------------------------------------------------------------------------------------------------------
+
+
+def test_a_trapezoid() -> None:
+    # 100 mm at 20 mm/s with 200 mm/s²: 0.1 s and 1 mm each for the ramps, 98 mm level.
+    assert plan(segments([move(FEED, (100.0, 0.0, 0.0))]), SMOOTH) == pytest.approx([0.1 + 4.9 + 0.1])
+
+
+def test_a_triangle() -> None:
+    # 0.5 mm up to 10 mm/s and down again: 2 * sqrt(0.5 / 200) s; the feed is never reached.
+    assert plan(segments([move(FEED, (0.5, 0.0, 0.0))]), SMOOTH) == pytest.approx([2 * sqrt(0.5 / 200)])
+
+
+def test_a_rapid_is_as_fast_as_its_slowest_axis_allows() -> None:
+    # 45° in XZ: Z brings 2000 mm/min and 100 mm/s², which is √2 times as much along the way.
+    length, speed, a = 100 * sqrt(2), 2000 / 60 * sqrt(2), 100 * sqrt(2)
+    assert plan(segments([move(RAPID, (100.0, 0.0, 100.0))]), SMOOTH) == pytest.approx([length / speed + speed / a])
+
+
+def test_a_right_angle_is_taken_at_the_speed_of_the_junction_deviation() -> None:
+    a_corner = 200 * sqrt(2)
+    corner2 = a_corner * 0.01 * sqrt(0.5) / (1 - sqrt(0.5))
+    # Up to 20 mm/s in 0.1 s over 1 mm, down to the corner's speed over (400 - corner2)/400 mm, the rest level.
+    level = (100 - 1 - (400 - corner2) / 400) / 20
+    side = 0.1 + level + (20 - sqrt(corner2)) / 200
+    rows = [move(FEED, (100.0, 0.0, 0.0)), move(FEED, (100.0, 100.0, 0.0))]
+    assert plan(segments(rows), SMOOTH) == pytest.approx([side, side])
+
+
+def test_a_straight_line_in_pieces_takes_no_longer_but_a_stop_between_does() -> None:
+    halves = [move(FEED, (50.0, 0.0, 0.0)), move(FEED, (100.0, 0.0, 0.0))]
+    assert plan(segments(halves), SMOOTH).sum() == pytest.approx(5.1)
+    halves[1]["sync"] = True
+    assert plan(segments(halves), SMOOTH).sum() == pytest.approx(5.2)
+
+
+def test_short_blocks_are_held_down_by_the_queue() -> None:
+    # 14 blocks of 0.1 mm can brake from √(2·200·1.4) mm/s; a longer queue lets it go faster.
+    rows = [move(FEED, (0.1 * number, 0.0, 0.0), feed=8000.0) for number in range(1, 400)]
+    middle = plan(segments(rows), SMOOTH)[200]
+    assert middle == pytest.approx(0.1 / sqrt(2 * 200 * 1.4), rel=2e-2)
+    longer = Motion(SMOOTH.max_rate, SMOOTH.acceleration, planner_blocks=64)
+    assert plan(segments(rows), longer)[200] < middle / 1.5
+
+
+def test_one_block_at_a_time_stops_after_each() -> None:
+    single = Motion(SMOOTH.max_rate, SMOOTH.acceleration, planner_blocks=1)
+    rows = [move(FEED, (10.0 * number, 0.0, 0.0)) for number in range(1, 4)]
+    assert plan(segments(rows), single) == pytest.approx([0.6] * 3)
+
+
+def test_a_dwell_lets_the_queue_run_dry_and_comes_in_steps_of_50_ms() -> None:
+    rows = [
+        move(FEED, (100.0, 0.0, 0.0)),
+        move(DWELL, (100.0, 0.0, 0.0), dwell_s=0.5),
+        move(DWELL, (100.0, 0.0, 0.0), dwell_s=0.01),
+        move(FEED, (200.0, 0.0, 0.0)),
+    ]
+    assert plan(segments(rows), SMOOTH) == pytest.approx([5.1, 0.5, 0.05, 5.1])
+
+
+def test_overrides_scale_feed_and_rapid_within_what_the_axes_can() -> None:
+    rows = [move(FEED, (100.0, 0.0, 0.0)), move(RAPID, (0.0, 0.0, 0.0))]
+    half = plan(segments(rows), SMOOTH, feed_override=0.5, rapid_override=0.25)
+    assert half == pytest.approx([100 / 10 + 10 / 200, 100 / (8000 / 240) + 8000 / 240 / 200])
+    # Double of 6000 mm/min is more than X has.
+    double = plan(segments([move(FEED, (100.0, 0.0, 0.0), feed=6000.0)]), SMOOTH, feed_override=2.0)
+    assert double == pytest.approx(plan(segments([move(RAPID, (100.0, 0.0, 0.0))]), SMOOTH))
+    probe = segments([move(PROBE, (100.0, 0.0, 0.0))])
+    assert plan(probe, SMOOTH, feed_override=0.5) == pytest.approx(plan(probe, SMOOTH))
+
+
+def test_a_feed_of_nothing_is_a_millimetre_a_minute() -> None:
+    assert plan(segments([move(FEED, (1.0, 0.0, 0.0), feed=0.0)]), SMOOTH) == pytest.approx([60.0], rel=1e-4)
+
+
+def test_feeds_slower_than_the_timer_go_as_slow_as_it_can() -> None:
+    # 100 steps at 8 · 65535 clocks of 16 MHz, not the minute that F1 asks for.
+    assert plan(segments([move(FEED, (1.0, 0.0, 0.0), feed=1.0)]), ROUTER) == pytest.approx([100 * 8 * 65535 / 16e6])
+
+
+def test_ways_shorter_than_half_a_step_are_no_blocks_but_add_up() -> None:
+    rows = [move(FEED, (0.002 * number, 0.0, 0.0)) for number in range(1, 501)]
+    seconds = plan(segments(rows), ROUTER)
+    assert (seconds > 0).sum() == 100
+    assert seconds.sum() > 0.1
+
+
+def test_a_full_circle_is_its_chords() -> None:
+    circle = segments([move(CCW, (0.0, 0.0, 0.0), centre=(10.0, 0.0))])
+    count = floor(2 * pi * 10 / 2 / sqrt(0.002 * (20 - 0.002)))
+    length = count * 2 * 10 * sin(pi / count)
+    assert plan(circle, SMOOTH)[0] == pytest.approx(length / 20 + 0.1, rel=2e-3)
+    assert plan(circle, SMOOTH)[0] > length / 20 + 0.09
+
+
+def test_a_helix_in_each_plane_takes_the_same_where_the_axes_are_alike() -> None:
+    alike = Motion(dict.fromkeys("xyz", 3000.0), dict.fromkeys("xyz", 200.0))
+    ways = {17: (0.0, 0.0, 5.0), 18: (0.0, 5.0, 0.0), 19: (5.0, 0.0, 0.0)}
+    took = [plan(segments([move(CW, end, centre=(3.0, 1.0), plane=at)]), alike)[0] for at, end in ways.items()]
+    assert took == pytest.approx([took[0]] * 3)
+    assert took[0] > hypot(2 * pi * hypot(3, 1), 5) / 20
+
+
+def test_an_arc_from_an_unknown_place_is_known_all_the_same() -> None:
+    rows = [move(CCW, (nan, nan, nan), centre=(10.0, 0.0))]
+    unknown = segments(rows, start=(nan, nan, nan))
+    unknown.radius[:], unknown.sweep[:] = 10.0, 2 * pi
+    known = segments([move(CCW, (0.0, 0.0, 0.0), centre=(10.0, 0.0))])
+    assert plan(unknown, SMOOTH) == pytest.approx(plan(known, SMOOTH))
+
+
+def test_an_axis_that_is_not_known_is_no_way() -> None:
+    rows = [move(FEED, (nan, 100.0, 0.0)), move(FEED, (50.0, 100.0, 0.0))]
+    assert plan(segments(rows, start=(nan, 0.0, 0.0)), SMOOTH) == pytest.approx([5.1, 0.0])
+
+
+def test_rotary_axes_count_as_any_other() -> None:
+    turn = segments([move(FEED, (0.0, 0.0, 0.0, 90.0))], start=(0.0, 0.0, 0.0, 0.0))
+    assert plan(turn, Motion({"a": 3000.0}, {"a": 200.0})) == pytest.approx([90 / 20 + 0.1])
+
+
+def test_a_move_without_any_feed_takes_the_assumed_one() -> None:
+    assert plan(segments([move(FEED, (100.0, 0.0, 0.0), feed=nan)]), SMOOTH) == pytest.approx([10.05])
+
+
+# --- hostile values ------------------------------------------------------------------------------------------------
+
+hostile = st.sampled_from((0.0, 1.0, -1.0, 1e-12, 1e9, -1e9, 1e308, inf, -inf, nan))
+hostile_rows = st.builds(
+    lambda kind, end, feed, sync, dwell_s, centre: move(
+        kind,
+        end,
+        feed=feed,
+        sync=sync,
+        dwell_s=dwell_s,
+        spindle=feed,
+        **({"centre": centre} if kind in (CW, CCW) else {}),
+    ),
+    st.sampled_from((RAPID, FEED, CW, CCW, DWELL, HOMING, PROBE)),
+    st.tuples(hostile, hostile, hostile),
+    hostile,
+    st.booleans(),
+    hostile,
+    st.tuples(hostile.filter(lambda value: abs(value) < 1e300), hostile.filter(lambda value: abs(value) < 1e300)),
+)
+hostile_machines = st.builds(
+    lambda rate, a, deviation, tolerance, blocks, steps: Motion(
+        {"x": rate}, {"x": a}, {}, deviation, tolerance, blocks, True, {"x": steps, "y": 1e9}
+    ),
+    *[hostile] * 4,
+    st.integers(-1, 2000),
+    hostile,
+)
+
+
+@quick
+@given(st.lists(hostile_rows, max_size=4), hostile_machines)
+def test_nothing_raises_and_every_second_is_one(rows: list[Row], motion: Motion) -> None:
+    with np.errstate(all="ignore"):
+        program = segments(rows)
+    seconds = plan(program, motion, feed_override=1.2)
+    assert len(seconds) == len(rows)
+    assert np.isfinite(seconds).all()
+    assert (seconds >= 0).all()
