@@ -3,7 +3,7 @@
 The one rule: done <= received <= sent <= read. What people are shown as progress is *done*.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,16 +21,16 @@ class Cursor:
         return cls(line, line, line, line)
 
     def was_read(self, line: int) -> "Cursor":
-        return self if line <= self.read else replace(self, read=line)
+        return self if line <= self.read else Cursor(line, self.sent, self.received, self.done)
 
     def was_sent(self, line: int) -> "Cursor":
-        return replace(self.was_read(line), sent=max(self.sent, line))
+        return Cursor(max(self.read, line), max(self.sent, line), self.received, self.done)
 
     def was_received(self, line: int) -> "Cursor":
-        return replace(self.was_sent(line), received=max(self.received, line))
+        return Cursor(max(self.read, line), max(self.sent, line), max(self.received, line), self.done)
 
     def was_done(self, line: int) -> "Cursor":
-        return replace(self.was_received(line), done=max(self.done, line))
+        return Cursor(max(self.read, line), max(self.sent, line), max(self.received, line), max(self.done, line))
 
     def fell_back(self, line: int) -> "Cursor":
         """What was sent after `line` is proven never to have been executed and will go out again."""

@@ -6,7 +6,7 @@ The one rule: a row is durable before its first byte is sent, and it stays `plan
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from sqlite_utils import Database
@@ -17,6 +17,7 @@ from protocol.commands import Position
 from protocol.errors import LocalError
 
 MOST_OPEN = 2
+BODY_FIELDS = tuple(field.name for field in fields(PlannedBatch))
 
 INSERT = """
 insert into batches (job, seq, machine, wire_id, line_from, line_to, blocks, seconds, "end", body, status, attempts,
@@ -48,7 +49,7 @@ class Past:
 def journal(db: Database, machine: str, entry: Entry, at: str) -> None:
     """Write a row, or give the row of the same `seq` its new ID."""
     batch = entry.batch
-    db.execute(
+    db.conn.execute(
         INSERT,
         [
             entry.job_id,
@@ -64,14 +65,15 @@ def journal(db: Database, machine: str, entry: Entry, at: str) -> None:
             at,
         ],
     )
-    db.execute(RAISE_HIGHEST, [machine, entry.wire_id])
+    db.conn.execute(RAISE_HIGHEST, [machine, entry.wire_id])
 
 
 def mark(db: Database, effect: MarkBatch) -> None:
     """Write the end of a row and how far its job is."""
     entry, done = effect.entry, effect.status is RowStatus.OK
-    end = None if effect.end is None else json.dumps(dict(effect.end))
-    changed = db.execute(
+    planned = effect.end is None or effect.end == entry.batch.end  # stands in the row already
+    end = None if planned else json.dumps(dict(effect.end or {}))
+    changed = db.conn.execute(
         MARK,
         [
             effect.status,
@@ -89,7 +91,7 @@ def mark(db: Database, effect: MarkBatch) -> None:
     )
     if changed.rowcount != 1:
         raise LocalError(f"no row {entry.seq} of job {entry.job_id} under ID {entry.wire_id} to mark")
-    db.execute("update jobs set line_done = ? where id = ?", [effect.line_done, entry.job_id])
+    db.conn.execute("update jobs set line_done = ? where id = ?", [effect.line_done, entry.job_id])
 
 
 def past(db: Database, job: int) -> Past:
@@ -162,7 +164,7 @@ def alive_at(db: Database, machine: str) -> str | None:
 
 
 def _body(batch: PlannedBatch) -> str:
-    body: dict[str, Any] = {name: getattr(batch, name) for name in PlannedBatch.__dataclass_fields__}
+    body: dict[str, Any] = {name: getattr(batch, name) for name in BODY_FIELDS}
     return json.dumps(body | {"start": dict(batch.start), "end": dict(batch.end)})
 
 

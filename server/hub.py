@@ -39,7 +39,8 @@ def utc_now() -> datetime:
 
 def rfc3339(at: datetime) -> str:
     """A time as api.md writes it: UTC with milliseconds and `Z`."""
-    return at.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    utc = at if at.tzinfo is UTC else at.astimezone(UTC)
+    return utc.isoformat(timespec="milliseconds").removesuffix("+00:00") + "Z"
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,13 +183,22 @@ class Hub:
         """How many readers are connected."""
         return len(self._subscriptions)
 
-    def publish(self, type: str, machine: str | None, data: dict[str, Any]) -> int:  # noqa: A002 - the word of api.md
-        """Announce something; its sequence number. Never waits for a reader."""
+    def publish(
+        self,
+        type: str,  # noqa: A002 - the word of api.md
+        machine: str | None,
+        data: dict[str, Any] | Callable[[], dict[str, Any]],
+    ) -> int:
+        """Announce something; its sequence number. Never waits for a reader.
+
+        `data` as a function is called now, or not at all where nobody listens and nobody could ask for it later.
+        """
         self._seq += 1
         if type in (STATE, CONSOLE) and not self._subscriptions:
             self.published[type] += 1
             return self._seq  # nobody is there, and it is not kept for anybody who was
-        message = Message(self._seq, type, machine, self.envelope(type, data, machine=machine, seq=self._seq))
+        content = data() if callable(data) else data
+        message = Message(self._seq, type, machine, self.envelope(type, content, machine=machine, seq=self._seq))
         self.published[type] += 1
         if type not in (STATE, CONSOLE):
             self._keep(message)

@@ -183,7 +183,9 @@ class JobStream:
             return
         if isinstance(event, BatchSent) and event.attempt > 1:
             self._metrics.retries += 1
-        self.react(self.runner.handle(event, now=self._loop.time(), at=stamp(self._clock)))
+        effects = self.runner.handle(event, now=self._loop.time(), at=stamp(self._clock))
+        if effects:  # what can be done without any is done when all that was heard is handed over (link.py)
+            self.react(effects)
 
     def heard(self) -> None:
         """The machine gave a sign of life. While a fate is being settled it does not count: the break goes on."""
@@ -205,6 +207,8 @@ class JobStream:
             self._db.post(fn, *args, then=then)
 
     def _write(self) -> None:
+        if not self._writes:
+            return
         writes, self._writes = self._writes, []
         thens = [then for _, _, then in writes if then is not None]
 
@@ -216,8 +220,7 @@ class JobStream:
             for then in thens:
                 then()
 
-        if writes:
-            self._db.post(all_of_them, then=durable if thens else None)
+        self._db.post(all_of_them, then=durable if thens else None)
 
     def _perform(self, effect: Effect) -> None:
         runner = self.runner

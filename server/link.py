@@ -79,12 +79,22 @@ class Link:
             self.flush()
 
     def _arm(self) -> None:
+        """The timer rings at the engine's deadline or before it: most deadlines are put off long before they come, and
+        one that rings too early is cheaper than a new one for each."""
+        due_at = None if self._closed else self.engine.next_timer()
         if self._timer is not None:
+            if due_at is not None and self._timer.when() <= due_at:
+                return
             self._timer.cancel()
             self._timer = None
-        if not self._closed and (due_at := self.engine.next_timer()) is not None:
+        if due_at is not None:
             self._timer = self._loop.call_at(due_at, self._tick)
 
     def _tick(self) -> None:
-        self.engine.handle_timer(self._loop.time())
+        self._timer = None
+        now, due_at = self._loop.time(), self.engine.next_timer()
+        if due_at is None or now < due_at:
+            self._arm()
+            return
+        self.engine.handle_timer(now)
         self.pump()

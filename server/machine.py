@@ -271,13 +271,14 @@ class Machine:
     def _publish_state(self) -> None:
         self._state_seq += 1
         self._state_at = stamp(self._clock)
-        self._hub.publish("state", self.name, {**self.state_view(), "link": self.link_status})
+        self._hub.publish("state", self.name, lambda: {**self.state_view(), "link": self.link_status})
 
     def _seen(self, message: MessageSeen) -> None:
         if message.direction == "<":
             self._last_life_at = self._loop.time()
             self.stream.heard()
-        self._hub.publish("console", self.name, self._recorder.record(message, stamp(self._clock)))
+        self._recorder.record(message, self._clock.now())
+        self._hub.publish("console", self.name, self._recorder.newest)
 
     def _fault(self, fault: ProtocolFault) -> None:
         self.metrics.link_errors[fault.kind] += 1

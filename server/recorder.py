@@ -5,10 +5,13 @@ Not the history (jobs/history.py) and not a log file. The one rule: it is bounde
 
 from collections import deque
 from collections.abc import Iterable
+from datetime import datetime
+from itertools import islice
 from typing import Any
 
 from protocol.engine import Frame
 from protocol.events import MessageSeen
+from server.hub import rfc3339
 
 CONSOLE_MESSAGES = 1000
 MESSAGE_CHARS = 1000
@@ -17,22 +20,27 @@ DUMPED_FRAMES = 200
 
 
 class Recorder:
-    """The console of one machine."""
+    """The console of one machine. Kept as it came, written out for whoever asks: mostly nobody does."""
 
     def __init__(self) -> None:
-        self._messages: deque[dict[str, Any]] = deque(maxlen=CONSOLE_MESSAGES)
+        self._messages: deque[tuple[datetime, str, str]] = deque(maxlen=CONSOLE_MESSAGES)
 
-    def record(self, message: MessageSeen, at: str) -> dict[str, Any]:
-        """Keep a message; the entry as it is shown."""
-        entry = {"at": at, "direction": message.direction, "text": message.text[:MESSAGE_CHARS]}
-        self._messages.append(entry)
-        return entry
+    def record(self, message: MessageSeen, at: datetime) -> None:
+        """Keep a message."""
+        self._messages.append((at, message.direction, message.text[:MESSAGE_CHARS]))
+
+    def newest(self) -> dict[str, Any]:
+        """The last message. Raises IndexError before there is one."""
+        return _entry(*self._messages[-1])
 
     def console(self, limit: int) -> list[dict[str, Any]]:
         """The last messages, oldest first."""
-        if limit <= 0:
-            return []
-        return list(self._messages)[-limit:]
+        messages = islice(self._messages, max(0, len(self._messages) - max(0, limit)), None)
+        return [_entry(*message) for message in messages]
+
+
+def _entry(at: datetime, direction: str, text: str) -> dict[str, Any]:
+    return {"at": rfc3339(at), "direction": direction, "text": text}
 
 
 def dump(frames: Iterable[Frame], *, now: float) -> dict[str, Any]:

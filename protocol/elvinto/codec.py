@@ -9,7 +9,7 @@ import binascii
 import hashlib
 import re
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from protocol.elvinto.dialect import Dialect
@@ -26,8 +26,7 @@ _PLAIN = re.compile(r"[!-~](?:[ -~]*[!-~])?|")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 # elvinto §1: `SPEED<#0 ALARMNUM<#5`: the standard prints the optional fields without a comma.
 _MISSING_COMMA = re.compile(r"#\s*([-+.\d]*)\s+([A-Za-z][A-Za-z0-9_]*<.*)", re.DOTALL)
-# b << 1 folded as the standard's listing folds it; the sum of these, modulo 65536, is the checksum (§2).
-_FOLDED = tuple((f := b << 1) ^ ((f & 0xFF00) >> 8) for b in range(256))
+_ASCII = bytes(range(128))
 
 
 class MalformedError(ValueError):
@@ -44,8 +43,12 @@ class Message:
 
 
 def checksum(data: bytes) -> int:
-    """The standard's simple checksum over `data`, 0-65535."""
-    return sum(map(_FOLDED.__getitem__, data)) & 0xFFFF
+    """The standard's simple checksum over `data`, 0-65535.
+
+    §2 adds up each byte shifted left by one, its high byte folded into the low one by XOR. The high byte is 1 where the
+    byte is above 127, and the low bit that it meets is 0: so the fold adds 1 for each such byte.
+    """
+    return 2 * sum(data) + len(data.translate(None, _ASCII)) & 0xFFFF
 
 
 def encode_message(name: str, params: Mapping[str, str] | None = None, *, encoding: str = "utf-8") -> bytes:
@@ -89,8 +92,8 @@ def _covered(message: bytes, dialect: Dialect) -> bytes:
 
 def parse_message(raw: bytes, encoding: str = "utf-8") -> Message:
     """Read one message, its `;` included. Raises MalformedError."""
-    text = raw.decode("latin-1")
-    name, *fields = text.strip(BLANKS).removesuffix(";").split(",")
+    text = raw.decode("latin-1").strip(BLANKS)
+    name, *fields = text.removesuffix(";").split(",")
     name = name.strip(BLANKS)
     if not _NAME.fullmatch(name):
         raise MalformedError("no message name")
@@ -100,23 +103,23 @@ def parse_message(raw: bytes, encoding: str = "utf-8") -> Message:
             if key in params:
                 raise MalformedError(f"{key} appears twice")
             params[key] = value
-    return Message(name, params, text.strip(BLANKS))
+    return Message(name, params, text)
 
 
-def _parse_fields(part: str, encoding: str) -> Iterator[tuple[str, str]]:
+def _parse_fields(part: str, encoding: str) -> list[tuple[str, str]]:
     """The parameter in `part`; more than one where the standard forgot the comma."""
     key, separator, value = part.partition("<")
     key, value = key.strip(BLANKS), value.strip(BLANKS)
     if not separator or not _NAME.fullmatch(key):
         raise MalformedError("a parameter is KEY<VALUE")
-    if value.startswith("#") and "<" in value:
-        split = _MISSING_COMMA.fullmatch(value)
-        if split is None:
-            raise MalformedError(f"'<' inside the plain value of {key}")
-        yield key, split[1]
-        yield from _parse_fields(split[2], encoding)
-        return
-    yield key, value[1:].strip(BLANKS) if value.startswith("#") else _decode_base64(value, key, encoding)
+    if not value.startswith("#"):
+        return [(key, _decode_base64(value, key, encoding))]
+    if "<" not in value:
+        return [(key, value[1:].strip(BLANKS))]
+    split = _MISSING_COMMA.fullmatch(value)
+    if split is None:
+        raise MalformedError(f"'<' inside the plain value of {key}")
+    return [(key, split[1]), *_parse_fields(split[2], encoding)]
 
 
 def _decode_base64(value: str, key: str, encoding: str) -> str:
