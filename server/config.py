@@ -16,7 +16,14 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from gcode.motion import DEFAULT_ACCELERATION_MM_S2, DEFAULT_RATE_MM_MIN, Motion
+from gcode.motion import (
+    DEFAULT_ACCELERATION_MM_S2,
+    DEFAULT_ARC_TOLERANCE_MM,
+    DEFAULT_JUNCTION_DEVIATION_MM,
+    DEFAULT_PLANNER_BLOCKS,
+    DEFAULT_RATE_MM_MIN,
+    Motion,
+)
 from jobs.batch import BatchLimits
 from protocol.elvinto.dialect import Dialect
 
@@ -195,6 +202,8 @@ class ElvintoConfig(Section):
 
 Rate = Annotated[float, Field(gt=0, le=1_000_000)]
 
+Steps = Annotated[float | None, Field(gt=0, le=1_000_000)]
+
 
 class RateConfig(Section):
     """`max_rate` by axis, mm/min (degrees/min)."""
@@ -240,16 +249,45 @@ class TravelConfig(Section):
         return {axis: travel for axis, travel in self if travel is not None}
 
 
+class StepsConfig(Section):
+    """`steps_per_mm` by axis, steps/mm (steps/degree). The ways of an axis without it are not rounded to steps."""
+
+    x: Steps = None
+    y: Steps = None
+    z: Steps = None
+    a: Steps = None
+    b: Steps = None
+    c: Steps = None
+
+    def known(self) -> dict[str, float]:
+        """The axes whose steps are known."""
+        return {axis: steps for axis, steps in self if steps is not None}
+
+
 class MotionConfig(Section):
     """`[machine.motion]`: what the axes can do; for estimates of time and for the check before a run."""
 
     max_rate: RateConfig = RateConfig()
     acceleration: AccelerationConfig = AccelerationConfig()
     travel: TravelConfig = TravelConfig()
+    steps_per_mm: StepsConfig = StepsConfig()
+    junction_deviation: Annotated[float, Field(ge=0, le=10)] = DEFAULT_JUNCTION_DEVIATION_MM
+    arc_tolerance: Annotated[float, Field(ge=0.00001, le=10)] = DEFAULT_ARC_TOLERANCE_MM
+    planner_blocks: Annotated[int, Field(ge=1, le=10_000)] = DEFAULT_PLANNER_BLOCKS
+    laser: bool = False
 
     def motion(self) -> Motion:
         """The same for the core."""
-        return Motion(max_rate=dict(self.max_rate), acceleration=dict(self.acceleration), travel=self.travel.known())
+        return Motion(
+            max_rate=dict(self.max_rate),
+            acceleration=dict(self.acceleration),
+            travel=self.travel.known(),
+            steps_per_mm=self.steps_per_mm.known(),
+            junction_deviation_mm=self.junction_deviation,
+            arc_tolerance_mm=self.arc_tolerance,
+            planner_blocks=self.planner_blocks,
+            laser=self.laser,
+        )
 
 
 class MotionFile(Section):

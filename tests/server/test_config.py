@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, ValidationError
 
+from gcode.motion import Motion
 from jobs.batch import BatchLimits
 from protocol.elvinto.dialect import Dialect
 from server.config import PROTOCOLS, Config, ElvintoConfig, MachineConfig, MotionConfig, ServerConfig
@@ -38,14 +39,16 @@ def test_example_is_the_defaults() -> None:
 def test_example_has_every_key() -> None:
     data = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
     missing = missing_keys(Config.model_validate(data), data)
-    assert missing == ["machine[0].motion.travel"]
+    assert missing == ["machine[0].motion.travel", "machine[0].motion.steps_per_mm"]
 
 
-def test_example_shows_travel_in_a_line_that_loads_when_uncommented() -> None:
-    line = re.search(r"^# (travel = \{.*\})$", EXAMPLE.read_text(encoding="utf-8"), re.MULTILINE)
-    assert line is not None
-    motion = MotionConfig.model_validate(tomllib.loads(line[1]))
+def test_example_shows_travel_and_steps_in_lines_that_load_when_uncommented() -> None:
+    text = EXAMPLE.read_text(encoding="utf-8")
+    lines = re.findall(r"^# ((?:travel|steps_per_mm) = \{.*\})$", text, re.MULTILINE)
+    assert len(lines) == 2
+    motion = MotionConfig.model_validate(tomllib.loads("\n".join(lines)))
     assert motion.travel.x == (0.0, 600.0)
+    assert motion.steps_per_mm.x == 100.0
 
 
 def test_every_key_of_the_example_has_a_comment() -> None:
@@ -89,6 +92,14 @@ def test_motion_is_handed_on_and_an_axis_without_travel_is_left_out() -> None:
     motion = MotionConfig.model_validate(tables).motion()
     assert (motion.rate_mm_min("x"), motion.acceleration_mm_s2("x"), motion.travel) == (6000, 400, {"x": (0, 300)})
     assert (motion.rate_mm_min("y"), motion.acceleration_mm_s2("y")) == (3000, 200)
+
+
+def test_the_planner_of_a_machine_is_handed_on() -> None:
+    assert MotionConfig().motion() == Motion(dict.fromkeys("xyzabc", 3000.0), dict.fromkeys("xyzabc", 200.0))
+    tables = {"steps_per_mm": {"x": 80}, "junction_deviation": 0, "arc_tolerance": 0.01, "planner_blocks": 1}
+    motion = MotionConfig.model_validate({**tables, "laser": True}).motion()
+    assert (motion.steps_per_mm, motion.junction_deviation_mm, motion.arc_tolerance_mm) == ({"x": 80}, 0, 0.01)
+    assert (motion.planner_blocks, motion.laser) == (1, True)
 
 
 def test_data_dir_is_expanded(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -80,6 +80,14 @@ def test_values_are_read(file: Path) -> None:
             'FILE: machine[0].motion.max_rate.x (machine "mill-1") = 0: allowed is a number above 0 up to 1000000',
         ),
         (
+            MACHINE + "[machine.motion]\nsteps_per_mm = { z = 0 }\n",
+            'FILE: machine[0].motion.steps_per_mm.z (machine "mill-1") = 0: allowed is a number above 0 up to 1000000',
+        ),
+        (
+            MACHINE + "[machine.motion]\nplanner_blocks = 0\n",
+            'FILE: machine[0].motion.planner_blocks (machine "mill-1") = 0: allowed is a whole number from 1 to 10000',
+        ),
+        (
             MACHINE + "[machine.motion]\ntravel = { x = [3, 1] }\n",
             'FILE: machine[0].motion.travel.x (machine "mill-1") = [3.0, 1.0]: '
             "allowed is [lowest, highest], the lower first",
@@ -156,7 +164,9 @@ def test_a_section_alone(file: Path) -> None:
 def test_a_fault_in_a_section_alone(file: Path) -> None:
     file.write_text("w = {}\n", encoding="utf-8")
     with pytest.raises(
-        ConfigError, match=r"w = \{\}: there is no such key; allowed are max_rate, acceleration, travel"
+        ConfigError,
+        match=r"w = \{\}: there is no such key; allowed are max_rate, acceleration, travel, "
+        "steps_per_mm, junction_deviation, arc_tolerance, planner_blocks, laser",
     ):
         load_section(MotionConfig, file)
 

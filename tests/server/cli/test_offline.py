@@ -66,6 +66,19 @@ def test_check_against_the_travel_of_a_motion_file(millstream: Run, file: Path, 
     assert millstream("check", file, "-p", "elvinto", "--motion", motion).code == 1
 
 
+def test_a_motion_file_takes_every_key_of_the_planner_and_names_what_it_does_not_know(
+    millstream: Run, file: Path, tmp_path: Path
+) -> None:
+    motion = tmp_path / "motion.toml"
+    keys = "junction_deviation = 0.02\narc_tolerance = 0.01\nplanner_blocks = 32\nlaser = true\n"
+    motion.write_text(f"[motion]\nsteps_per_mm = {{ x = 80, y = 80 }}\n{keys}", encoding="utf-8")
+    assert millstream("check", file, "-p", "elvinto", "--motion", motion).code == 0
+    motion.write_text("[motion]\njerk = 5\n", encoding="utf-8")
+    outcome = millstream("check", file, "-p", "elvinto", "--motion", motion)
+    assert outcome.code == 2
+    assert "motion.jerk = 5: there is no such key" in outcome.err
+
+
 def test_a_faulty_motion_file_is_wrong_usage(millstream: Run, file: Path, tmp_path: Path) -> None:
     motion = tmp_path / "motion.toml"
     motion.write_text("[motion]\ntravel = { x = [15, 0] }\n", encoding="utf-8")
