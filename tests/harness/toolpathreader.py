@@ -1,0 +1,131 @@
+"""A second reading of docs/toolpath.md, number by number: what the encoder is tested against. Slow and plain.
+
+The one rule: nothing of `gcode` is imported here; only the page counts.
+"""
+
+import struct
+from dataclasses import dataclass, field
+from typing import Any
+
+START = 0x80
+
+
+@dataclass
+class Drawing:
+    """The head by name, and the columns of the level as lists; `places` in mm, one tuple a vertex."""
+
+    head: dict[str, Any]
+    places: list[tuple[float, ...]] = field(default_factory=list)
+    line: list[int] = field(default_factory=list)
+    kind: list[int] = field(default_factory=list)
+    feed: list[float] = field(default_factory=list)
+    tool: list[int] = field(default_factory=list)
+    frame: list[int] = field(default_factory=list)
+    unknown: list[int] = field(default_factory=list)
+
+    def edges(self) -> list[int]:
+        """The vertices to which an edge leads that may be drawn."""
+        axes, known = self.head["axes"], self.head["known_axes"]
+        harmless = sum(1 << row for row, axis in enumerate(axes) if axis in "ZABC" or not known >> row & 1)
+        return [
+            at
+            for at in range(1, len(self.line))
+            if not self.kind[at] & START
+            and self.unknown[at] == self.unknown[at - 1]
+            and not self.unknown[at] & ~harmless
+        ]
+
+
+class Cursor:
+    def __init__(self, data: bytes) -> None:
+        self.data, self.at = data, 0
+
+    def take(self, layout: str) -> tuple[Any, ...]:
+        values = struct.unpack_from("<" + layout, self.data, self.at)
+        self.at += struct.calcsize("<" + layout)
+        return values
+
+    def align(self, unit: int) -> None:
+        while self.at % unit:
+            assert self.data[self.at] == 0
+            self.at += 1
+
+
+def read_head(cursor: Cursor) -> dict[str, Any]:
+    magic, version, level, length, axes, levels, flags = cursor.take("4sHHIBBH")
+    assert (magic, version) == (b"MSTP", 1)
+    known, tools, feeds, frames = cursor.take("4I")
+    unit, tolerance, segments, last_line, zero = cursor.take("ddQII")
+    assert zero == 0
+    head: dict[str, Any] = {
+        "level": level, "flags": flags, "known_axes": known, "unit": unit, "chord_tolerance": tolerance,
+        "segments": segments, "last_line": last_line,
+    }  # fmt: skip
+    head["levels"] = [cursor.take("dIIQ") for _ in range(levels)]
+    head["bounds"] = [cursor.take("4d") for _ in range(axes)]
+    head["frames"] = [cursor.take(f"{axes}d") for _ in range(frames)]
+    head["tools"] = cursor.take(f"{tools}i")
+    head["feeds"] = cursor.take(f"{feeds}f")
+    head["axes"] = cursor.take(f"{axes}s")[0].decode("ascii")
+    cursor.align(8)
+    assert cursor.at == length
+    return head
+
+
+def read_column(cursor: Cursor, width: int, count: int, *, signed: bool) -> list[int]:
+    if width == 0:
+        return list(cursor.take("i" if signed else "I")) * count
+    if width == 3:
+        assert signed
+        low = cursor.take(f"{count}H")
+        cursor.align(4)
+        high = cursor.take(f"{count}b")
+        cursor.align(4)
+        return [a + 65536 * b for a, b in zip(low, high, strict=True)]
+    letter = {1: "b", 2: "h", 4: "i"}[width]
+    values = list(cursor.take(f"{count}{letter if signed else letter.upper()}"))
+    cursor.align(4)
+    return values
+
+
+def summed(base: int, differences: list[int]) -> list[int]:
+    sums = []
+    for difference in differences:
+        base = (base + difference + 2**31) % 2**32 - 2**31
+        sums.append(base)
+    return sums
+
+
+def read_toolpath(data: bytes) -> Drawing:
+    """A file as the route gives it."""
+    cursor = Cursor(data)
+    drawing = Drawing(read_head(cursor))
+    head = drawing.head
+    axes = len(head["axes"])
+    _, vertices, blocks, size = head["levels"][head["level"]]
+    assert len(data) - cursor.at == size
+    for _ in range(blocks):
+        begin = cursor.at
+        count, length = cursor.take("II")
+        assert 0 < count <= 1024
+        bases = cursor.take(f"{axes}i")
+        (line,) = cursor.take("i")
+        widths = cursor.take(f"{axes + 6}B")
+        cursor.align(4)
+        rows = []
+        for base, width in zip((*bases, line), widths[: axes + 1], strict=True):
+            rows.append(summed(base, read_column(cursor, width, count, signed=True)))
+        kind, feed, tool, frame, unknown = (
+            read_column(cursor, width, count, signed=False) for width in widths[axes + 1 :]
+        )
+        assert cursor.at - begin == length
+        drawing.places += zip(*([value * head["unit"] for value in row] for row in rows[:axes]), strict=True)
+        drawing.line += rows[axes]
+        drawing.kind += kind
+        drawing.feed += [head["feeds"][number] for number in feed]
+        drawing.tool += [head["tools"][number] for number in tool]
+        drawing.frame += frame
+        drawing.unknown += unknown
+    assert cursor.at == len(data)
+    assert len(drawing.line) == vertices
+    return drawing
