@@ -58,5 +58,5 @@ def test_edges(number: str) -> None:
 
 
 def test_short_and_long_ones_side_by_side() -> None:
-    side_by_side = ("1.5", "123456.789", "-2", "-123456789.123456789012345", "0.30000000000000004")
+    side_by_side = ("1.5", "123456.789", "-2", "-123456789.123456789012345", "0.300000000000004")
     assert read(*side_by_side) == [float(number) for number in side_by_side]
