@@ -261,6 +261,9 @@ class Runner:
 
         `next_id` is the engine's; when it has moved since the row was written, the row is written again.
         """
+        ahead = self.feed.ahead
+        if self.ledger.open and ahead is not None and ahead.entry is not None and ahead.entry.wire_id == next_id:
+            return []  # one is with the machine, the next is written down: nothing can be done before an event
         if self._wishes.cancel and not self.ledger.open:
             self._stop(Status.CANCELLED)
         if not self._link.up or not self._goes_on:

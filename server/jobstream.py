@@ -249,7 +249,7 @@ class JobStream:
     def _journal(self, runner: Runner, entry: Entry) -> None:
         def durable() -> None:
             runner.feed.journaled(entry.seq, entry.wire_id)
-            if self.runner is runner:
+            if self.runner is runner and not runner.ledger.open:  # else it goes out when that has ended
                 self.react([])
 
         self._post(journal.journal, self.machine, entry, stamp(self._clock), then=durable)

@@ -53,7 +53,7 @@ class Link:
         self._pumping = True
         try:
             self._hand_over()
-            while self._open() and self._on_quiet():
+            while not self._closed and self._on_quiet():
                 self._hand_over()
         finally:
             self._pumping = False
@@ -69,14 +69,11 @@ class Link:
         self._closed = True
         self._arm()
 
-    def _open(self) -> bool:
-        return not self._closed
-
     def _hand_over(self) -> None:
         self.flush()
-        while self._open() and (event := self.engine.next_event()) is not None:
+        while not self._closed and (event := self.engine.next_event()) is not None:
             self._on_event(event)
-            self.flush()
+        self.flush()
 
     def _arm(self) -> None:
         """The timer rings at the engine's deadline or before it: most deadlines are put off long before they come, and

@@ -12,6 +12,9 @@ from typing import Any, Protocol
 from protocol.commands import EmergencyStop
 from protocol.engine import Engine, OpenWork
 from protocol.events import (
+    BatchDone,
+    BatchReceived,
+    BatchSent,
     CommandDone,
     Event,
     LinkLost,
@@ -233,6 +236,11 @@ class Machine:
             case MessageSeen():
                 self._seen(event)
                 return
+            case BatchSent() | BatchReceived() | BatchDone():
+                self._acks.handle(event, self._loop.time())
+                self._reduce(event)
+                self.stream.handle(event)
+                return
             case ProtocolFault():
                 self._fault(event)
                 return
@@ -246,7 +254,6 @@ class Machine:
                 self.own_program = None
             case _:
                 pass
-        self._acks.handle(event, self._loop.time())
         self._reduce(event)
         self.stream.handle(event)
         self.manual.handle(event)

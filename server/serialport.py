@@ -13,6 +13,8 @@ from urllib.parse import urlsplit
 import serial
 import serial_asyncio_fast
 
+READ_BYTES = 65_536
+"""Most that is taken from a socket in one go."""
 OPEN_TIMEOUT_S = 5.0
 """A TCP host that does not answer must not keep the machine in `connecting` for minutes."""
 
@@ -66,6 +68,20 @@ class _Stream(asyncio.Protocol):
             self._transport.abort()
 
 
+class _TcpStream(_Stream, asyncio.BufferedProtocol):
+    """The same for a socket, into a buffer of its own: asyncio would make one of 256 KiB for every few bytes."""
+
+    def __init__(self, on_data: OnData, on_lost: OnLost) -> None:
+        super().__init__(on_data, on_lost)
+        self._buffer = bytearray(READ_BYTES)
+
+    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - what it is called with
+        return self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        self.data_received(bytes(memoryview(self._buffer)[:nbytes]))
+
+
 class PortOpener:
     """Opens whatever a URL names. One for each machine: a built-in virtual machine outlives its connections."""
 
@@ -99,7 +115,7 @@ async def _open_tcp(url: str, on_data: OnData, on_lost: OnLost) -> Port:
     try:
         async with asyncio.timeout(OPEN_TIMEOUT_S):
             transport, stream = await loop.create_connection(
-                lambda: _Stream(on_data, on_lost), parts.hostname, parts.port
+                lambda: _TcpStream(on_data, on_lost), parts.hostname, parts.port
             )
     except TimeoutError as error:
         raise OSError(f"{url} does not answer within {OPEN_TIMEOUT_S:g} s") from error

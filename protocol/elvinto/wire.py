@@ -26,7 +26,7 @@ class Wire:
         self._decoder = Decoder(dialect)
         self._urgent: list[bytes] = []
         self._queue: list[bytes] = []
-        self._frames: deque[Frame] = deque(maxlen=RECORDED_FRAMES)
+        self._frames: deque[tuple[float, str, bytes]] = deque(maxlen=RECORDED_FRAMES)
 
     def send(self, message: bytes, id: int, *, urgent: bool = False) -> float:
         """Queue a frame; answers the seconds that its bytes take on the line."""
@@ -49,7 +49,7 @@ class Wire:
         frames = [*self._urgent, *self._queue]
         self._urgent.clear()
         self._queue.clear()
-        self._frames.extend(Frame(now, ">", data) for data in frames)
+        self._frames.extend((now, ">", data) for data in frames)
         return b"".join(frames)
 
     def receive_data(self, data: bytes, now: float) -> Iterator[Message | ProtocolFault]:
@@ -57,9 +57,9 @@ class Wire:
         self._decoder.receive_data(data)
         while (item := self._decoder.next_item()) is not None:
             text = item.text if isinstance(item, Message) else f"!{item.kind}: {item.detail}"
-            self._frames.append(Frame(now, "<", text.encode("utf-8", "replace")))
+            self._frames.append((now, "<", text.encode("utf-8", "replace")))
             yield item
 
     def recent_frames(self) -> tuple[Frame, ...]:
         """What the recorder holds, oldest first."""
-        return tuple(self._frames)
+        return tuple(Frame(*kept) for kept in self._frames)
