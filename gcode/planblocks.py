@@ -27,6 +27,10 @@ LONGEST_STEP_S = 8 * 65535 / 16e6
 """A step never takes longer: Grbl's 16-bit timer at 16 MHz, slowed eightfold at most. Slower feeds run faster."""
 
 
+STOP_S = 0.025
+"""What a stop costs besides braking: at the end of motion Grbl holds the motors still for $1 (25 ms unless set) before
+it goes on (stepper.c, st_go_idle). Seen in the firmware's figures; not at the program's end, where nothing waits."""
+
 MOST = 1e9
 """No figure of a machine is beyond it; cut off here, so that products of them stay numbers."""
 
@@ -35,7 +39,8 @@ MOST = 1e9
 class Blocks:
     """Columns: `row` of the segment; `length` mm; `acceleration` mm/s²; `nominal` mm/s; `limit2` v² of entry at most.
 
-    `longest_s`: a block is not slower than this, infinite where steps are not known.
+    `longest_s`: a block is not slower than this, infinite where steps are not known. `pause_s`: what the stop before
+    it costs, 0 where there is none.
     """
 
     row: Ints
@@ -44,6 +49,7 @@ class Blocks:
     nominal: Floats
     limit2: Floats
     longest_s: Floats
+    pause_s: Floats
 
     def __len__(self) -> int:
         return len(self.row)
@@ -62,7 +68,7 @@ class Blocks:
 
 def no_blocks() -> Blocks:
     """The empty queue."""
-    return Blocks(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(5)))
+    return Blocks(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(6)))
 
 
 class BlockMaker:
@@ -84,6 +90,7 @@ class BlockMaker:
         self._rapid_override = _positive(rapid_override, 1.0)
         self._unit = np.zeros(len(axes))
         self._nominal = 0.0
+        self._has_moved = False
         self.at_rest = True
 
     def counts(self, segments: Segments) -> Ints:
@@ -105,9 +112,14 @@ class BlockMaker:
         acceleration, rapid = _by_axis(unit, self._accelerations), _by_axis(unit, self._rates)
         nominal = self._nominal_speeds(segments, row, rapid)
         limit2 = self._entry_limits(unit, nominal)
+        pause = np.zeros(len(row))
         if rests is not None:
             limit2[rests] = 0.0
-        return Blocks(row, length, acceleration, nominal, limit2, self._longest(delta))
+            pause[rests] = STOP_S
+        if not self._has_moved:
+            pause[0] = 0.0
+            self._has_moved = True
+        return Blocks(row, length, acceleration, nominal, limit2, self._longest(delta), pause)
 
     def _rests(
         self, segments: Segments, row: Ints, first: NDArray[np.bool_], moves: NDArray[np.bool_]

@@ -94,7 +94,7 @@ class Planner:
         seconds = durations(
             entry2[:-1], entry2[1:], blocks.nominal[:done], blocks.acceleration[:done], blocks.length[:done]
         )
-        seconds = np.minimum(seconds, blocks.longest_s[:done])
+        seconds = np.minimum(seconds, blocks.longest_s[:done]) + blocks.pause_s[:done]
         self._seconds += np.bincount(row, weights=seconds, minlength=len(self._seconds))
         self._waiting = blocks.since(done, 0)
         self._entry2 = float(entry2[-1])

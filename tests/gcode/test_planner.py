@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcode.motion import Motion
+from gcode.planblocks import STOP_S
 from gcode.planner import Planner, plan
 from gcode.segments import CCW, CW, DWELL, FEED, HOMING, PROBE, RAPID, Segments
 from tests.harness.programs import quick
@@ -174,6 +175,7 @@ def seconds_of(program: Segments, motion: Motion) -> list[float]:
             leave2 = min(limit2[later], leave2 + 2 * blocks[later].a * blocks[later].length)
         leave2 = min(leave2, enter2 + 2 * block.a * block.length)
         seconds[block.row] += min(trapezoid(block, enter2, leave2), block.longest)
+        seconds[block.row] += 0.025 if at and block.at_rest else 0.0
         enter2 = leave2
     return seconds
 
@@ -280,7 +282,7 @@ def test_a_straight_line_in_pieces_takes_no_longer_but_a_stop_between_does() -> 
     halves = [move(FEED, (50.0, 0.0, 0.0)), move(FEED, (100.0, 0.0, 0.0))]
     assert plan(segments(halves), SMOOTH).sum() == pytest.approx(5.1)
     halves[1]["sync"] = True
-    assert plan(segments(halves), SMOOTH).sum() == pytest.approx(5.2)
+    assert plan(segments(halves), SMOOTH).sum() == pytest.approx(5.2 + STOP_S)
 
 
 def test_short_blocks_are_held_down_by_the_queue() -> None:
@@ -305,7 +307,7 @@ def test_a_dwell_lets_the_queue_run_dry_and_comes_in_steps_of_50_ms() -> None:
         move(DWELL, (100.0, 0.0, 0.0), dwell_s=0.01),
         move(FEED, (200.0, 0.0, 0.0)),
     ]
-    assert plan(segments(rows), SMOOTH) == pytest.approx([5.1, 0.5, 0.05, 5.1])
+    assert plan(segments(rows), SMOOTH) == pytest.approx([5.1, 0.5, 0.05, 5.1 + STOP_S])
 
 
 def test_overrides_scale_feed_and_rapid_within_what_the_axes_can() -> None:
