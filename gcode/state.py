@@ -81,6 +81,15 @@ class State:
             diameters=dict(self.diameters),
         )
 
+    def modes(self) -> tuple[object, ...]:
+        """All modes that a block can change without a word beside it: two states of the same modes obey it alike."""
+        return (
+            *(self.absolute, self.remembered, self.arc_absolute, self.inches, self.plane, self.feed_mode),
+            *(self.feed is None, self.motion_name, self.spindle, self.mist, self.flood, self.selected, self.tool),
+            *(self.return_to_r, self.compensation, self.radius, self.home_ignored, self.system, self.shift_active),
+            *(self.diameter_mode, self.sync, self.ended, self.frame),
+        )
+
     def place(self) -> dict[str, float]:
         """The known program coordinates, by lower-case axis name: what the machine would report as work position."""
         return {
