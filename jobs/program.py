@@ -1,8 +1,8 @@
 """Programs on disk: by content hash, with an index of line offsets. Not the table of programs; that is store.py.
 
-`<sha256>.nc` is the upload byte for byte, `<sha256>.idx` the offset of every 1,024th line. The one rule: a file under
-its final name is complete and durable; what a crash left half-done (a `.part`, an index alone) the next start
-removes. Memory stays constant whatever the size.
+`<sha256>.nc` is the upload byte for byte, `<sha256>.idx` the offset of every 1,024th line; whatever else is made of a
+program is `<sha256>.*` beside it, and goes with it. The one rule: a file under its final name is complete and durable;
+what a crash left half-done (a `.part`, an index alone) the next start removes. Memory stays constant whatever the size.
 """
 
 import hashlib
@@ -95,12 +95,28 @@ class ProgramStore:
         file.seek(offset)
         return _numbered(file, entry * LINES_PER_ENTRY + 1, first, last)
 
-    def delete(self, program_id: str) -> None:
-        """Remove a program. Raises UnknownProgramError."""
+    def chunks(self, program_id: str) -> Iterator[bytes]:
+        """The bytes of a program. Opens the file at once, as `lines` does. Raises UnknownProgramError."""
         if program_id not in self:
             raise UnknownProgramError(program_id)
+        return _chunks(self._program(program_id).open("rb"))
+
+    def delete(self, program_id: str) -> None:
+        """Remove a program and what was made of it. Raises UnknownProgramError."""
+        if program_id not in self:
+            raise UnknownProgramError(program_id)
+        # The program first: what is being made of it meanwhile is taken away again when the program is not there.
         self._program(program_id).unlink()
-        self._index(program_id).unlink(missing_ok=True)
+        for made_of_it in self._root.glob(f"{program_id}.*"):
+            made_of_it.unlink(missing_ok=True)
+
+    def beside(self, program_id: str, suffix: str) -> Path:
+        """Where something that is made of a program is kept: it goes when the program goes."""
+        return self._root / f"{program_id}{suffix}"
+
+    def all_beside(self, suffix: str) -> list[tuple[str, Path]]:
+        """Everything of this suffix with the program that it was made of, whether that is still there or not."""
+        return [(path.name.partition(".")[0], path) for path in self._root.glob(f"*{suffix}")]
 
     def _open_index(self, program_id: str) -> BinaryIO:
         if program_id not in self:
@@ -112,6 +128,12 @@ class ProgramStore:
 
     def _index(self, program_id: str) -> Path:
         return self._root / f"{program_id}.idx"
+
+
+def _chunks(file: BinaryIO) -> Iterator[bytes]:
+    with file:
+        while chunk := file.read(CHUNK_BYTES):
+            yield chunk
 
 
 def _numbered(file: BinaryIO, number: int, first: int, last: int | None) -> Iterator[tuple[int, bytes]]:

@@ -1,0 +1,169 @@
+"""The drawings of programs on disk: made once for each content and profile, given out level by level.
+
+Not the format (gcode/toolpath.py). `<sha256>.<profile>.<version>.toolpath` lies beside the program and holds the head
+and all levels. The one rule: a file under its final name is complete; who asks while it is made waits for the one
+making.
+"""
+
+import asyncio
+import hashlib
+import os
+import secrets
+import shutil
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import ExitStack, suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import BinaryIO
+
+from gcode.profile import Profile
+from gcode.segments import Segments
+from gcode.toolpath import (
+    FORMAT_VERSION,
+    HEAD,
+    MAX_LEVEL,
+    ToolpathEncoder,
+    ToolpathTooLongError,
+    for_level,
+    head_bytes,
+    levels_in,
+)
+from jobs.program import ProgramStore
+from server.problems import ProblemError
+from server.worker import Worker
+
+SUFFIX = ".toolpath"
+READ_BYTES = 262_144
+"""At a time, on the way to a client."""
+
+SegmentsOf = Callable[[str, Profile], Iterator[Segments]]
+"""The motion of a program, by its id. Raises UnknownProgramError."""
+
+
+def version_tag() -> str:
+    """What a drawing depends on beside content and profile: the format, and how this release reads programs."""
+    return hashlib.sha256(f"{FORMAT_VERSION} {version('millstream')}".encode()).hexdigest()[:8]
+
+
+class Toolpath:
+    """One level of one drawing. `etag` is known before anything is made; `open` makes it if need be."""
+
+    def __init__(self, toolpaths: "Toolpaths", program_id: str, profile: Profile, level: int) -> None:
+        self._toolpaths = toolpaths
+        self._program_id = program_id
+        self._profile = profile
+        self._level = level
+        self.etag = f'"{program_id[:32]}-{profile.name}-{toolpaths.tag}-{level}"'
+
+    async def open(self) -> tuple[int, AsyncIterator[bytes]]:
+        """How many bytes it has, and the bytes. Raises ProblemError, UnknownProgramError, OSError."""
+        return await self._toolpaths.open(self._program_id, self._profile, self._level)
+
+
+class Toolpaths:
+    """See the head of this file. `maker` draws, `files` reads what has been drawn."""
+
+    def __init__(self, programs: ProgramStore, segments_of: SegmentsOf, *, maker: Worker, files: Worker) -> None:
+        self.tag = version_tag()
+        self._programs = programs
+        self._segments_of = segments_of
+        self._maker = maker
+        self._files = files
+        self._making: dict[Path, asyncio.Future[None]] = {}
+        for program_id, path in programs.all_beside(SUFFIX):
+            if program_id not in programs or not path.name.endswith(f".{self.tag}{SUFFIX}"):
+                path.unlink(missing_ok=True)
+
+    def get(self, program_id: str, profile: Profile, level: int) -> Toolpath:
+        """A level of the drawing of a program, or the coarsest that there is."""
+        return Toolpath(self, program_id, profile, level)
+
+    async def open(self, program_id: str, profile: Profile, level: int) -> tuple[int, AsyncIterator[bytes]]:
+        """See Toolpath.open."""
+        path = self._programs.beside(program_id, f".{profile.name}.{self.tag}{SUFFIX}")
+        while True:
+            # Only the name is looked up here; the file may be on a slow disk.
+            await self._made(path, program_id, profile)
+            with suppress(FileNotFoundError):
+                head, file, length = await self._files.run(_open_level, path, level)
+                return len(head) + length, self._chunks(head, file, length)
+
+    async def _made(self, path: Path, program_id: str, profile: Profile) -> None:
+        making = self._making.get(path)
+        if making is None:
+            if await self._files.run(path.is_file):
+                return
+            making = self._making.get(path)
+        if making is None:
+            making = asyncio.ensure_future(self._maker.run(self._make, path, program_id, profile))
+            self._making[path] = making
+            making.add_done_callback(lambda done: self._forget(path, done))
+        # Who goes away does not end it for the others.
+        await asyncio.shield(making)
+
+    def _forget(self, path: Path, done: "asyncio.Future[None]") -> None:
+        self._making.pop(path, None)
+        if not done.cancelled():
+            done.exception()  # somebody waited for it, or nobody does any more
+
+    async def _chunks(self, head: bytes, file: BinaryIO, left: int) -> AsyncIterator[bytes]:
+        try:
+            yield head
+            while left:
+                chunk = await self._files.run(file.read, min(left, READ_BYTES))
+                if not chunk:
+                    raise OSError("a toolpath is shorter than its head says")
+                left -= len(chunk)
+                yield chunk
+        finally:
+            file.close()
+
+    # --- in the worker ------------------------------------------------------------------------------------------
+
+    def _make(self, path: Path, program_id: str, profile: Profile) -> None:
+        stem = secrets.token_hex(8)
+        parts = [path.with_name(f"{stem}.{number}{SUFFIX}.part") for number in range(MAX_LEVEL + 2)]
+        try:
+            self._draw(parts, program_id, profile)
+            parts[-1].replace(path)
+        except ToolpathTooLongError as error:
+            raise ProblemError("no_preview", f"The program is too long to be drawn: {error}.") from error
+        finally:
+            for part in parts:
+                part.unlink(missing_ok=True)
+        if program_id not in self._programs:
+            # It was deleted meanwhile, perhaps before there was anything of ours to delete with it.
+            path.unlink(missing_ok=True)
+
+    def _draw(self, parts: list[Path], program_id: str, profile: Profile) -> None:
+        """The levels into a file each, as they come, then all into the last."""
+        encoder = ToolpathEncoder("".join(profile.axes).upper())
+        with ExitStack() as stack:
+            rungs = [stack.enter_context(part.open("w+b")) for part in parts[:-1]]
+            for segments in self._segments_of(program_id, profile):
+                for rung, data in encoder.add(segments):
+                    rungs[rung].write(data)
+            for rung, data in encoder.finish():
+                rungs[rung].write(data)
+            whole = stack.enter_context(parts[-1].open("wb"))
+            whole.write(encoder.head())
+            for rung in encoder.rungs():
+                rungs[rung].seek(0)
+                shutil.copyfileobj(rungs[rung], whole, READ_BYTES)
+            whole.flush()
+            os.fsync(whole.fileno())
+
+
+def _open_level(path: Path, level: int) -> tuple[bytes, BinaryIO, int]:
+    """The head for this level, the file where its blocks begin, and their length."""
+    file = path.open("rb")
+    try:
+        start = file.read(HEAD.size)
+        head = start + file.read(head_bytes(start) - HEAD.size)
+        sizes = [found.bytes for found in levels_in(head)]
+        level = min(level, len(sizes) - 1)
+        file.seek(sum(sizes[:level]), 1)
+    except BaseException:
+        file.close()
+        raise
+    return for_level(head, level), file, sizes[level]
