@@ -4,7 +4,7 @@ Facts of Grbl's planner (gcode.md §5). Not the look-ahead over the blocks, that
 controller would drop as no way at all is no block, and what empties its queue lets the next block begin at rest.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import inf, isfinite
 
 import numpy as np
@@ -27,9 +27,9 @@ LONGEST_STEP_S = 8 * 65535 / 16e6
 """A step never takes longer: Grbl's 16-bit timer at 16 MHz, slowed eightfold at most. Slower feeds run faster."""
 
 
-STOP_S = 0.025
+STOP_S = 0.027
 """What a stop costs besides braking: at the end of motion Grbl holds the motors still for $1 (25 ms unless set) before
-it goes on (stepper.c, st_go_idle). Seen in the firmware's figures; not at the program's end, where nothing waits."""
+it goes on (stepper.c, st_go_idle), and reads and plans the next line, 1 to 2 ms. Not at the program's end."""
 
 MOST = 1e9
 """No figure of a machine is beyond it; cut off here, so that products of them stay numbers."""
@@ -99,7 +99,7 @@ class BlockMaker:
 
     def make(self, segments: Segments, counts: Ints) -> Blocks:
         """The blocks of these segments; `counts` is what `counts()` said of them."""
-        ways = straight_ways(segments, counts, self._steps)
+        ways = straight_ways(_from_zero(segments), counts, self._steps)
         delta, row = ways.delta, ways.row
         length = np.sqrt(np.einsum("ij,ij->j", delta, delta))
         moves = length > NO_WAY_MM
@@ -178,6 +178,18 @@ class BlockMaker:
         for axis_row, steps_per_mm in self._steps.items():
             np.maximum(steps, np.abs(delta[axis_row]) * steps_per_mm, out=steps)
         return np.where(steps > 0, steps * LONGEST_STEP_S, inf)
+
+
+def _from_zero(segments: Segments) -> Segments:
+    """Straight ways from where nobody knows reckoned from the program's zero, where most programs are begun.
+
+    An estimate has to begin somewhere, and a machine that has just been switched on stands there. Only for the time.
+    """
+    unknown = np.isnan(segments.start) & ~np.isnan(segments.end) & ~segments.is_arc
+    if not unknown.any():
+        return segments
+    zero = np.array(segments.frames, np.float64).reshape(-1, len(segments.axes))[segments.frame].T
+    return replace(segments, start=np.where(unknown, zero, segments.start))
 
 
 def _by_axis(unit: Floats, most: list[float]) -> Floats:

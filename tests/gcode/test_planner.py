@@ -9,11 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gcode.interpreter import Interpreter
 from gcode.motion import Motion
 from gcode.planblocks import STOP_S
 from gcode.planner import Planner, plan
+from gcode.profile import load_profile
 from gcode.segments import CCW, CW, DWELL, FEED, HOMING, PROBE, RAPID, Segments
-from tests.harness.programs import quick
+from gcode.words import decode_line, parse_block
+from tests.harness.programs import corpus_files, quick
 
 ROUTER = Motion(
     max_rate={"x": 8000.0, "y": 8000.0, "z": 2000.0},
@@ -175,7 +178,7 @@ def seconds_of(program: Segments, motion: Motion) -> list[float]:
             leave2 = min(limit2[later], leave2 + 2 * blocks[later].a * blocks[later].length)
         leave2 = min(leave2, enter2 + 2 * block.a * block.length)
         seconds[block.row] += min(trapezoid(block, enter2, leave2), block.longest)
-        seconds[block.row] += 0.025 if at and block.at_rest else 0.0
+        seconds[block.row] += 0.027 if at and block.at_rest else 0.0
         enter2 = leave2
     return seconds
 
@@ -361,9 +364,19 @@ def test_an_arc_from_an_unknown_place_is_known_all_the_same() -> None:
     assert plan(unknown, SMOOTH) == pytest.approx(plan(known, SMOOTH))
 
 
-def test_an_axis_that_is_not_known_is_no_way() -> None:
-    rows = [move(FEED, (nan, 100.0, 0.0)), move(FEED, (50.0, 100.0, 0.0))]
-    assert plan(segments(rows, start=(nan, 0.0, 0.0)), SMOOTH) == pytest.approx([5.1, 0.0])
+def test_a_way_from_where_nobody_knows_is_reckoned_from_the_zero_of_the_program() -> None:
+    program = segments([move(FEED, (100.0, nan, 0.0)), move(FEED, (100.0, 50.0, 0.0))], start=(nan, nan, 0.0))
+    assert plan(program, SMOOTH).sum() == pytest.approx(
+        plan(segments([move(FEED, (100.0, 0.0, 0.0)), move(FEED, (100.0, 50.0, 0.0))]), SMOOTH).sum()
+    )
+    program.frames = [[90.0, 40.0, 0.0]]
+    assert plan(program, SMOOTH).sum() == pytest.approx(
+        plan(segments([move(FEED, (10.0, 0.0, 0.0)), move(FEED, (10.0, 10.0, 0.0))]), SMOOTH).sum()
+    )
+
+
+def test_a_way_to_where_nobody_knows_is_none() -> None:
+    assert plan(segments([move(FEED, (nan, nan, 0.0))], start=(nan, 5.0, 0.0)), SMOOTH) == pytest.approx([0.0])
 
 
 def test_rotary_axes_count_as_any_other() -> None:
@@ -373,6 +386,21 @@ def test_rotary_axes_count_as_any_other() -> None:
 
 def test_a_move_without_any_feed_takes_the_assumed_one() -> None:
     assert plan(segments([move(FEED, (100.0, 0.0, 0.0), feed=nan)]), SMOOTH) == pytest.approx([10.05])
+
+
+# --- the firmware --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "lines", "firmware_s"), [("gsender_mb31.nc", 700, 10.887), ("freecad_latch.nc", 1400, 36.789)]
+)
+def test_within_half_a_percent_of_what_the_firmware_took(name: str, lines: int, firmware_s: float) -> None:
+    path = next((path for path in corpus_files() if path.name == name), None)
+    assert path is not None, f"the corpus has no {name}"
+    reader = Interpreter(load_profile("grbl-1.1"), laser=True)
+    for number, raw in enumerate(path.read_bytes().splitlines()[:lines], 1):
+        reader.step(number, parse_block(decode_line(raw)))
+    assert plan(reader.take(), ROUTER).sum() == pytest.approx(firmware_s, rel=0.005)
 
 
 # --- hostile values ------------------------------------------------------------------------------------------------
