@@ -7,7 +7,7 @@ before it (`ids.py`). Then no copy, delay or flipped digit of a header can make 
 """
 
 from collections.abc import Callable, Mapping
-from typing import ClassVar
+from typing import ClassVar, assert_never
 
 from protocol.commands import (
     AskToolChange,
@@ -158,6 +158,8 @@ class ElvintoEngine(Settling):
             case AskToolChange(token):
                 self._query_token = token
                 self._enter(Phase.TOOLCHECK, now)
+            case _:
+                assert_never(command)
 
     def realtime(self, command: EmergencyStop, now: float) -> None:
         """The emergency stop (W98): goes out before everything else; what was under way is failed at once."""

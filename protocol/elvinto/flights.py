@@ -188,9 +188,8 @@ class Flights(Exchange, ABC):
         flight = self._flight
         if flight is None or flight.kind != "gcode" or flight.repeatable or self._case is not None:
             return
-        if self._phase in (Phase.SENT, Phase.RUNNING):
-            accepted = flight.received_at is not None
-            self._open_case(Case((flight.batch,), flight.start, math.inf, accepted), now)
+        accepted = flight.received_at is not None
+        self._open_case(Case((flight.batch,), flight.start, math.inf, accepted), now)
 
     def _stands_only(self, place: Position, other: Position, report: StateReported) -> bool:
         """The machine reports to stand at `place`, and that is not `other`."""

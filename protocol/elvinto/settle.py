@@ -81,10 +81,9 @@ class Case:
 
     def finished(self, id: int) -> None:
         """`id` is done, and so is every batch before it: one at a time, in order (elvinto §5)."""
-        for batch in self.remaining:
-            self.done.append(batch.id)
-            if batch.id == id:
-                break
+        ids = self.remaining_ids
+        if id in ids:  # else it was known already, and says nothing about those that remain
+            self.done.extend(ids[: ids.index(id) + 1])
 
     def next_to_repeat(self, tolerance_mm: float) -> SendBatch | None:
         """The batch to send once more (elvinto §5.4.2), or None where the position alone will tell.

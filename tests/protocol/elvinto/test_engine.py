@@ -593,6 +593,29 @@ class TestSdCard:
         assert scene.take(ToolRequested, CommandDone) == [CommandDone(9)]
 
 
+def test_a_command_that_is_none_is_our_bug_and_raises():
+    scene = ready()
+    with pytest.raises(AssertionError):
+        scene.engine.submit(EmergencyStop(1), scene.now)  # type: ignore[arg-type]  # realtime() takes it
+    assert scene.sent() == []
+    assert scene.engine.free() == 1
+
+
+def test_a_report_that_nobody_asked_for_is_where_the_next_batch_begins():
+    scene = ready()
+    scene.say(state("idle", 7))
+    assert [report.position["x"] for report in scene.take(StateReported)] == [7]
+    assert scene.sent() == []
+    assert scene.engine.free() == 1
+    scene.batch("G1X9", end={"x": 9.0, "y": 0.0, "z": 0.0})
+    scene.say(state("idle", 7))
+    assert scene.take(BatchDone) == []  # where it began, not where it ends
+    scene.say(state("idle", 9))
+    assert scene.engine.free() == 0  # done, without RECEIVED: what it remembers is proven first
+    scene.answer_position(9)
+    assert scene.take(BatchDone) == [BatchDone(1004, inferred=True)]
+
+
 def test_unknown_messages_are_ignored():
     scene = ready()
     scene.say("HELLO,A<#1", "STATE,TYPE<#dancing", "TOOL,NUM<#x", "PROGRAM_END", "FILE,NAME<#a")

@@ -63,6 +63,24 @@ class TestInheritedWork:
         scene.answer_position(0)
         assert scene.engine.free() == 1
 
+    def test_the_late_ok_of_the_first_leaves_the_second_to_be_found_out(self):
+        scene = inherit(batch(2001, 1), batch(2002, 2))
+        scene.say("OK,ID<#2001")
+        assert scene.take(FateSettled, FateInDoubt) == []
+        settle(scene, 1)
+        (settled,) = scene.take(FateSettled)
+        assert (settled.done, settled.undone) == ((2001,), (2002,))
+
+    def test_a_repeated_batch_that_runs_is_waited_for_whatever_is_reported(self):
+        scene = inherit(still(2001))
+        assert scene.wait(1.51)[-1] == (2001, "GCODE,DATA<#G1X0")
+        scene.say("RECEIVED,ID<#2001", state("run", 5), state("idle", 5), state("idle", 5))
+        assert scene.take(FateSettled, FateInDoubt) == []  # it does not stand where the batch ends
+        assert scene.sent() == []
+        scene.say("OK,ID<#2001")
+        (settled,) = scene.take(FateSettled)
+        assert (settled.done, settled.undone) == ((2001,), ())
+
     def test_a_machine_that_acknowledges_repeats_settles_it(self):
         scene = inherit(still(2001), batch(2002, 2))
         scene.say(*(f"RECEIVED,ID<#{k}" for k in range(1, 6)), "OK,ID<#3")  # no STATE: not restarted
@@ -401,3 +419,11 @@ class TestVerdicts:
         case.finished(2001)
         assert case.located({"x": 0.0}, 0.01)
         assert case.done == [2001, 2002]
+
+
+def test_what_is_known_to_be_done_says_nothing_about_what_follows():
+    case = Case((batch(1, 1), batch(2, 2), batch(3, 3)), START, math.inf)
+    case.finished(2)
+    assert case.done == [1, 2]
+    case.finished(1)
+    assert (case.done, case.remaining_ids) == ([1, 2], (3,))
