@@ -22,7 +22,6 @@ from gcode.words import Block, Word, code_name, shortest
 _STRAIGHT = frozenset(("rapid", "feed"))
 _MOTIONS = _STRAIGHT | {"arc_cw", "arc_ccw"}
 _DISTANCES = frozenset(("absolute", "relative"))
-_AXIS_LETTERS = frozenset("XYZABC")
 
 _FEED_MODES = {
     "inverse_time": False,
@@ -39,10 +38,11 @@ _KEEPS_DISTANCE = frozenset(get_args(Effect)) - {"restore_distance", "program_en
 class Compactor:
     """Goes through a program once, block by block, and writes each in its shortest form."""
 
-    __slots__ = ("_absolute", "_feed", "_feed_holds", "_mode", "_position", "_profile")
+    __slots__ = ("_absolute", "_axes", "_feed", "_feed_holds", "_mode", "_position", "_profile")
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
+        self._axes = frozenset(axis.upper() for axis in profile.axes)
         self._mode: str | None = None
         self._absolute: bool | None = None
         self._feed: float | None = None
@@ -96,7 +96,7 @@ class Compactor:
         self._mode = modes[0] if modes else self._mode
         dropped = self._dropped_axes(values)
         # Without axis words it would be a guess that the controller still takes the rest as a motion.
-        if same_mode and g_words == 1 and not _AXIS_LETTERS.isdisjoint(values):
+        if same_mode and g_words == 1 and not self._axes.isdisjoint(values):
             dropped.add("G")
         if (feed := values.get("F")) is not None:
             if feed == self._feed and self._feed_holds:
@@ -116,7 +116,7 @@ class Compactor:
         return [effect for effect in effects if effect not in _DISTANCES]
 
     def _dropped_axes(self, values: dict[str, float]) -> set[str]:
-        targets = {letter: value for letter, value in values.items() if letter in _AXIS_LETTERS}
+        targets = {letter: value for letter, value in values.items() if letter in self._axes}
         position = self._position
         if self._mode not in _STRAIGHT or not self._absolute:
             # Where an arc ends is the machine's own arithmetic; where a relative move ends, is not said.
@@ -141,7 +141,7 @@ class Compactor:
         words = words_between(columns, begin, end)
         rows: Ints = columns.row[words].astype(np.int64) - begin
         letters = columns.letter[words]
-        run = _Run.of(blocks, begin, end)
+        run = _Run.of(blocks, begin, end, self._axes)
         before, mode = self._modes_of(run)
         dropped: dict[str, Bools] = {}
         one_g = np.bincount(rows[letters == ord("G")], minlength=run.count) == 1
@@ -218,8 +218,8 @@ class _Run:
     has_axes: Bools
 
     @classmethod
-    def of(cls, blocks: Blocks, begin: int, end: int) -> "_Run":
-        axes = {letter: blocks.part(letter, begin, end) for letter in blocks.letters if letter in _AXIS_LETTERS}
+    def of(cls, blocks: Blocks, begin: int, end: int, letters: frozenset[str]) -> "_Run":
+        axes = {letter: blocks.part(letter, begin, end) for letter in blocks.letters if letter in letters}
         has_axes = np.zeros(end - begin, np.bool_)
         for words in axes.values():
             has_axes |= words.has
@@ -234,7 +234,8 @@ def _keep_one_axis(run: _Run, unchanged: dict[str, Bools], rows: Ints, letters: 
     bare = run.has_axes & (left == 0)
     if not bare.any():
         return
-    axes = np.flatnonzero(np.isin(letters, _AXIS_CODES) & bare[rows])
+    codes = np.array([ord(axis) for axis in run.axes], np.uint8)
+    axes = np.flatnonzero(np.isin(letters, codes) & bare[rows])
     first = np.concatenate(([True], rows[axes][1:] != rows[axes][:-1]))
     goes[axes[first]] = False
 
@@ -244,4 +245,3 @@ def _known(value: float | None) -> float:
 
 
 _EFFECTS = {kind + 1: effect for effect, kind in MOTIONS.items()}
-_AXIS_CODES = np.array(sorted(ord(letter) for letter in _AXIS_LETTERS), np.uint8)

@@ -1,14 +1,21 @@
 """Compaction: shorter, and never another motion."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import gcode.interpret
+from gcode.blocks import Blocks, CodeTable, words_between
 from gcode.clean import clean
+from gcode.columns import Columns, read_columns
 from gcode.compact import Compactor
+from gcode.interpret import Reading
+from gcode.interpreter import Interpreter
 from gcode.modal import Tracker
 from gcode.motion import Motion, Position
-from gcode.words import parse_block
+from gcode.profile import load_profile
+from gcode.words import Block, parse_block, shortest
 from tests.harness.programs import elvinto, motion_lines, positions, program_lines, thorough
 
 
@@ -86,6 +93,79 @@ def test_the_motion_is_the_same(lines: list[str], position: Position, absolute: 
         assert original.position == shorter.position
         assert original.modal == shorter.modal
         assert len(text) <= len(clean(block))
+
+
+class Rows:
+    """Follows a reading: the runs by `kept`, the rest by `compact`."""
+
+    def __init__(self, profile: str) -> None:
+        self.table = CodeTable(load_profile(profile))
+        self.compactor = Compactor(load_profile(profile))
+        self.written: list[str] = []
+        self.in_runs = 0
+
+    def run(self, columns: Columns, blocks: Blocks, begin: int, end: int) -> None:
+        at = begin
+        while at < end:
+            stop = self.compactor.first_distance(blocks, self.table, at, end)
+            if stop > at:
+                kept = self.compactor.kept(columns, blocks, self.table, at, stop)
+                for row in range(at, stop):
+                    words = columns.words_of(row)
+                    offset = words_between(columns, at, stop).start
+                    places = [place for place in range(words.start, words.stop) if kept[place - offset]]
+                    self.written.append("".join(self._word(columns, place) for place in places))
+                    self.in_runs += 1
+            if stop < end:
+                self.block(stop, columns.block(stop))
+            at = stop + 1
+
+    def block(self, row: int, block: Block) -> None:
+        self.written.append(self.compactor.compact(block))
+
+    def _word(self, columns: Columns, place: int) -> str:
+        text = columns.text[columns.start[place] : columns.end[place]].decode()
+        return chr(columns.letter[place]) + shortest(text)
+
+
+def compacted_in_runs(lines: list[str], profile: str) -> Rows:
+    rows = Rows(profile)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(gcode.interpret, "SHORTEST_RUN", 1)
+        reading = Reading(load_profile(profile))
+        reading.read(read_columns("\n".join([*lines, ""]).encode()), follower=rows)
+    return rows
+
+
+@given(st.lists(program_lines, max_size=30))
+@thorough
+def test_many_rows_at_once_come_out_as_one_by_one(lines: list[str]) -> None:
+    compactor = Compactor(elvinto())
+    expected = [compactor.compact(parse_block(line)) for line in lines]
+    rows = compacted_in_runs(lines, "elvinto")
+    assert rows.written == expected
+    # And it goes on alike, whatever is known by then.
+    for line in ("G1 X10 Y0 F300", "X10 Y0", "G90", "X10 Y0 F300"):
+        assert rows.compactor.compact(parse_block(line)) == compactor.compact(parse_block(line))
+
+
+codes = st.sampled_from(("G20", "G21", "G93", "G94", "G18", "G17", "G54", "G55", "G53", "G4 P1", "G43.1 Z1", "G92 X5"))
+grbl_lines = st.one_of(
+    program_lines, program_lines, codes, st.builds("{} G1 X{} F300".format, codes, st.integers(0, 3))
+)
+
+
+@given(st.lists(grbl_lines, max_size=30), st.sampled_from(("grbl-1.1", "grblhal", "rs274ngc")))
+@thorough
+def test_many_rows_at_once_are_the_same_motion(lines: list[str], profile: str) -> None:
+    rows = compacted_in_runs(lines, profile)
+    original, shorter = Interpreter(load_profile(profile)), Interpreter(load_profile(profile))
+    for number, (line, text) in enumerate(zip(lines, rows.written, strict=True), 1):
+        original.step(number, parse_block(line))
+        shorter.step(number, parse_block(text))
+    before, after = original.take(), shorter.take()
+    for name in ("line", "kind", "start", "end", "feed", "spindle", "sync", "dwell_s", "radius", "sweep", "centre"):
+        np.testing.assert_allclose(getattr(before, name), getattr(after, name), rtol=0, atol=1e-9, err_msg=name)
 
 
 @given(st.lists(motion_lines, min_size=1, max_size=20), st.lists(motion_lines, max_size=20), positions)
