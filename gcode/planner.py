@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from gcode.linkfloor import LinkFloor
 from gcode.lookahead import backward_limits, durations, forward_speeds
 from gcode.motion import Motion
 from gcode.planblocks import BlockMaker, no_blocks
@@ -35,18 +36,29 @@ class Planner:
         self._waiting = no_blocks()
         self._entry2 = 0.0
         self._seconds = np.zeros(0)
+        self._link = LinkFloor(motion.planner_blocks - 1)
+        self._floors = np.zeros(0)
 
-    def feed(self, segments: Segments) -> Floats:
-        """Take these segments too; seconds of all that have become final, first in, first out."""
+    def feed(self, segments: Segments, link_floor_s: Floats | None = None) -> Floats:
+        """Take these segments too; seconds of all that have become final, first in, first out.
+
+        `link_floor_s`: seconds that the link needs for the line of each (bytes · 10 / baud); nothing where absent.
+        """
+        floors = np.zeros(len(segments)) if link_floor_s is None else np.clip(np.nan_to_num(link_floor_s), 0.0, 1e9)
+        self._floors = np.concatenate((self._floors, floors))
         # What is infinite, or no number, on the way is replaced where it would be used: no warning about it.
         with np.errstate(all="ignore"):
             final = [self._piece(piece, counts) for piece, counts in self._pieces(segments)]
-        return np.concatenate(final) if final else np.zeros(0)
+        return self._slowed(np.concatenate(final) if final else np.zeros(0))
 
     def flush(self) -> Floats:
         """The seconds still outstanding: the program ends here, the queue runs dry."""
         self._maker.at_rest = True
-        return self._finish()
+        return self._slowed(self._finish())
+
+    def _slowed(self, seconds: Floats) -> Floats:
+        floors, self._floors = self._floors[: len(seconds)], self._floors[len(seconds) :].copy()
+        return self._link.slowed(seconds, floors)
 
     def _pieces(self, segments: Segments) -> Iterator[tuple[Segments, Ints]]:
         """Cut so that no piece has many more blocks than PIECE_BLOCKS; a long arc is a piece of its own."""
@@ -106,10 +118,17 @@ class Planner:
         return out
 
 
-def plan(segments: Segments, motion: Motion, *, feed_override: float = 1.0, rapid_override: float = 1.0) -> Floats:
+def plan(
+    segments: Segments,
+    motion: Motion,
+    *,
+    feed_override: float = 1.0,
+    rapid_override: float = 1.0,
+    link_floor_s: Floats | None = None,
+) -> Floats:
     """Seconds of each segment of a whole program."""
     planner = Planner(motion, segments.axes, feed_override=feed_override, rapid_override=rapid_override)
-    return np.concatenate((planner.feed(segments), planner.flush()))
+    return np.concatenate((planner.feed(segments, link_floor_s), planner.flush()))
 
 
 def _dwells(segments: Segments) -> Floats:

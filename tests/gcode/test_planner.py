@@ -388,6 +388,16 @@ def test_a_move_without_any_feed_takes_the_assumed_one() -> None:
     assert plan(segments([move(FEED, (100.0, 0.0, 0.0), feed=nan)]), SMOOTH) == pytest.approx([10.05])
 
 
+def test_no_faster_than_the_link() -> None:
+    rows = [move(FEED, (0.1 * number, 0.0, 0.0)) for number in range(1, 501)]
+    program, floor = segments(rows), np.full(500, 0.01)
+    assert plan(program, SMOOTH).sum() == pytest.approx(50 / 20 + 0.1)
+    assert plan(program, SMOOTH, link_floor_s=floor).sum() == pytest.approx(500 * 0.01, rel=0.02)
+    planner = Planner(SMOOTH, program.axes)
+    parts = [planner.feed(program.take(slice(at, at + 7)), floor[at : at + 7]) for at in range(0, 500, 7)]
+    assert np.concatenate([*parts, planner.flush()]) == pytest.approx(plan(program, SMOOTH, link_floor_s=floor))
+
+
 # --- the firmware --------------------------------------------------------------------------------------------------
 
 
