@@ -38,8 +38,9 @@ class Columns:
     """The words of `lines` lines, of which the first is line `first_line` of its file; a row is a line, from 0.
 
     `row` (ascending), `letter` (ASCII, upper case), `value`, `start` and `end` have one entry a word: the number as
-    written is `text[start:end]`, without blanks. `faults` and `messages` are (row, ...) in the order of the lines,
-    `deleted` the rows that begin with `/`.
+    written is `text[start:end]`, without blanks, the letter stands before it. `faults` and `messages` are (row, ...)
+    in the order of the lines, `deleted` the rows that begin with `/`, `unusual` those read by the careful reader.
+    `text` has all lines without blanks and comments behind PAD_BYTES, and behind them the words of the unusual rows.
     """
 
     first_line: int
@@ -53,6 +54,7 @@ class Columns:
     faults: list[tuple[int, Fault]]
     deleted: Ints
     messages: list[tuple[int, str]]
+    unusual: Ints
     _source: "_Source" = field(repr=False)
 
     def block(self, row: int) -> Block:
@@ -137,7 +139,7 @@ def read_columns(piece: bytes, first_line: int = 1, encoding: str = "utf-8") -> 
     if not usual:
         rows, words = np.arange(lines, dtype=np.int32), _no_words()
     source = _Source(piece, lines, encoding)
-    columns = Columns(first_line, lines, *words, text, [], np.zeros(0, np.int32), [], source)
+    columns = Columns(first_line, lines, *words, text, [], np.zeros(0, np.int32), [], rows, source)
     if len(rows):
         _read_carefully(columns, source, rows.tolist())
     if has_messages or not usual:
@@ -296,7 +298,7 @@ def _read_carefully(columns: Columns, source: _Source, rows: Iterable[int]) -> N
             word_rows.append(row)
             letters.append(letter)
             values.append(value)
-            texts.append(text)
+            texts.append(letter + text)
     columns.deleted = np.array(deleted, np.int32)
     bounds = np.fromiter(accumulate(map(len, texts), initial=len(columns.text)), np.int32, len(texts) + 1)
     columns.text += "".join(texts).encode("ascii")
@@ -306,7 +308,7 @@ def _read_carefully(columns: Columns, source: _Source, rows: Iterable[int]) -> N
     columns.row = all_rows[order]
     columns.letter = np.concatenate((columns.letter, np.frombuffer("".join(letters).encode("ascii"), np.uint8)))[order]
     columns.value = np.concatenate((columns.value, np.array(values, np.float64)))[order]
-    columns.start = np.concatenate((columns.start, bounds[:-1]))[order]
+    columns.start = np.concatenate((columns.start, bounds[:-1] + np.int32(1)))[order]
     columns.end = np.concatenate((columns.end, bounds[1:]))[order]
 
 

@@ -1,8 +1,8 @@
 """The fast reader gives what the careful one gives, line by line, whatever the bytes."""
 
 import math
-from collections.abc import Callable
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gcode.clean import clean
 from gcode.columns import BITE_BYTES, Columns, messages_of, read_columns
 from gcode.lines import MAX_LINE_BYTES
-from gcode.words import Block, decode_line, parse_block, parse_carefully
+from gcode.words import decode_line, parse_block, parse_carefully
 from tests.harness.programs import corpus_files, program_lines, thorough
 
 # Pieces of lines that meet every branch of the grammar, often enough in lines that are nearly right.
@@ -30,16 +30,14 @@ lines = st.one_of(fragment_lines, program_lines, st.text(max_size=12))
 texts = st.lists(st.tuples(lines, st.sampled_from(LINE_ENDS)).map("".join), max_size=8).map("".join)
 
 
-def assert_as_read_carefully(
-    piece: bytes, encoding: str = "utf-8", read: Callable[[str], Block] = parse_carefully
-) -> Columns:
+def assert_as_read_carefully(piece: bytes, encoding: str = "utf-8") -> Columns:
     columns = read_columns(piece, 1, encoding)
     raws = piece.splitlines()
     assert columns.lines == len(raws)
     words, faults, deleted, messages, sent = [], [], [], [], []
     for row, raw in enumerate(raws):
         text = decode_line(raw, encoding)
-        block = read(text)
+        block = parse_carefully(text)
         words += [(row, word.letter, word.value, math.copysign(1, word.value), word.text) for word in block.words]
         faults += [(row, fault) for fault in block.faults]
         deleted += [row] * block.deleted
@@ -218,7 +216,18 @@ def test_a_message_is_read_in_the_encoding_of_the_file() -> None:
 
 
 @pytest.mark.slow
-def test_the_corpus_is_read_as_by_the_careful_reader() -> None:
+def test_the_corpus_is_read_as_line_by_line() -> None:
     for path in corpus_files():
-        # parse_block, for its speed: test_corpus.py has compared it with the careful reader.
-        assert_as_read_carefully(path.read_bytes(), read=parse_block)
+        piece = path.read_bytes()
+        columns = read_columns(piece)
+        # parse_block, for its speed: test_corpus.py compares it with the careful reader.
+        blocks = [parse_block(decode_line(raw)) for raw in piece.splitlines()]
+        words = [(row, word) for row, block in enumerate(blocks) for word in block.words]
+        assert columns.lines == len(blocks), path.name
+        assert columns.row.tolist() == [row for row, _ in words], path.name
+        assert columns.letter.tobytes().decode() == "".join(word.letter for _, word in words), path.name
+        assert columns.value.tobytes() == np.array([word.value for _, word in words], np.float64).tobytes(), path.name
+        ranges = zip(columns.start.tolist(), columns.end.tolist(), strict=True)
+        assert [columns.text[start:end].decode() for start, end in ranges] == [word.text for _, word in words]
+        assert columns.faults == [(row, fault) for row, block in enumerate(blocks) for fault in block.faults]
+        assert columns.deleted.tolist() == [row for row, block in enumerate(blocks) if block.deleted]

@@ -1,0 +1,106 @@
+"""Words of many lines to the bytes that go out, all at once: `gcode.clean` and `gcode.compact` for columns.
+
+Not the choice of words; the caller makes it. The one rule: each number is what `gcode.words.shortest` writes. Nothing
+is copied word by word: what is not sent becomes a blank in a copy of the text, and all blanks go at once.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcode.columns import Columns
+from gcode.decimals import PAD_BYTES
+from gcode.words import shortest
+
+Ints = NDArray[np.int32]
+Bytes = NDArray[np.uint8]
+Bools = NDArray[np.bool_]
+
+_BLANK, _PLUS, _MINUS, _POINT, _ZERO = b" +-.0"
+_LF = b"\n"[0]
+
+
+def texts(columns: Columns, kept: Bools, *, shorten: bool = True) -> list[bytes]:
+    """The bytes of each row, without an end, of the words that are `kept` (one entry a word); empty without words.
+
+    With `shorten` numbers lose `+`, superfluous zeros and point; otherwise they stay as written.
+    """
+    data = np.frombuffer(columns.text, np.uint8).copy()
+    left = np.flatnonzero(~kept)
+    _blank(data, columns.start[left] - np.int32(1), columns.end[left])
+    if shorten:
+        words = np.flatnonzero(kept)
+        _shorten(data, columns.start[words], columns.end[words], columns.value[words] == 0)
+    if len(columns.unusual):
+        line_ends = np.flatnonzero(data[: _usual_bytes(columns)] == _LF)[PAD_BYTES - 1 :].astype(np.int32)
+        _blank(data, line_ends[columns.unusual] + np.int32(1), line_ends[columns.unusual + 1])
+    rows = data[PAD_BYTES:].tobytes().translate(None, b" ").split(b"\n")[: columns.lines]
+    _write_unusual(rows, columns, kept, shorten=shorten)
+    return rows
+
+
+def _usual_bytes(columns: Columns) -> int:
+    """Where the lines end and the words of unusual rows begin: no line end is behind."""
+    return columns.text.rfind(b"\n") + 1
+
+
+def _blank(data: Bytes, start: Ints, end: Ints) -> None:
+    """Blanks out the ranges from `start` to `end`."""
+    lengths = end - start
+    behind = np.cumsum(lengths, dtype=np.int32)
+    if len(behind):
+        data[np.repeat(end - behind, lengths) + np.arange(behind[-1], dtype=np.int32)] = _BLANK
+
+
+def _shorten(data: Bytes, start: Ints, end: Ints, is_zero: Bools) -> None:
+    zeros = np.flatnonzero(is_zero)
+    if len(zeros):
+        # One digit remains of a zero, without sign and point: the last character, or that before the point.
+        digit = end[zeros] - 1 - (data[end[zeros] - 1] == _POINT)
+        _blank(data, start[zeros], end[zeros])
+        data[digit] = _ZERO
+        others = np.flatnonzero(~is_zero)
+        start, end = start[others], end[others]
+    first = data[start]
+    data[start[first == _PLUS]] = _BLANK
+    _leading_zeros(data, start + ((first == _PLUS) | (first == _MINUS)))
+    _trailing_zeros(data, start, end)
+
+
+def _leading_zeros(data: Bytes, at: Ints) -> None:
+    """A zero before another digit says nothing; one before the point stays (`shortest`)."""
+    while len(at := at[data[at] == _ZERO]):
+        following = data[at + 1]
+        at = at[(following - np.uint8(_ZERO)) <= 9]
+        data[at] = _BLANK
+        at = at + np.int32(1)
+
+
+def _trailing_zeros(data: Bytes, start: Ints, end: Ints) -> None:
+    """Zeros at the end of decimals, and a point that then is last."""
+    last = data[end - 1]
+    maybe = np.flatnonzero((last == _ZERO) | (last == _POINT))
+    start, at = start[maybe], end[maybe] - np.int32(1)
+    points = np.flatnonzero(data == _POINT).astype(np.int32)
+    if not len(points):
+        return
+    # The first point from the number's start on is its own, or lies behind its end.
+    point = points[np.minimum(np.searchsorted(points, start), len(points) - 1)]
+    at = at[(start <= point) & (point <= at)]
+    while len(at):
+        char = data[at]
+        at = at[(char == _ZERO) | (char == _POINT)]
+        was_zero = data[at] == _ZERO
+        data[at] = _BLANK
+        at = at[was_zero] - np.int32(1)
+
+
+def _write_unusual(rows: list[bytes], columns: Columns, kept: Bools, *, shorten: bool) -> None:
+    """The rows whose numbers may have any length, word by word."""
+    first = np.searchsorted(columns.row, columns.unusual).tolist()
+    behind = np.searchsorted(columns.row, columns.unusual, side="right").tolist()
+    for row, begin, stop in zip(columns.unusual.tolist(), first, behind, strict=True):
+        words = []
+        for index in (np.flatnonzero(kept[begin:stop]) + begin).tolist():
+            number = columns.text[columns.start[index] : columns.end[index]].decode("ascii")
+            words.append(chr(columns.letter[index]) + (shortest(number) if shorten else number))
+        rows[row] = "".join(words).encode("ascii")
