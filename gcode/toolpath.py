@@ -47,6 +47,10 @@ tolerance, segments, last line, 0."""
 LEVEL = struct.Struct("<dIIQ")
 """Tolerance in mm, vertices, blocks, bytes."""
 
+SPARSE = 5
+"""Width of a column of differences that are nearly all 0, as Z in a pocket: the others with their places."""
+
+_SPARSE_HEAD_BYTES, _SPARSE_BYTES = 6, 6
 _BLOCK = struct.Struct("<II")
 _LEVEL_AT = 6
 _FEED_BOUNDS = (1e-9, 1e9)
@@ -289,7 +293,7 @@ class _Rung:
 
 
 class _Column:
-    """Numbers of which each block takes as many bytes as it needs: 0 (all are the same), 1, 2, 3 or 4."""
+    """Numbers of which each block takes as many bytes as it needs: 0 (all are the same), 1, 2, 3 or 4, or SPARSE."""
 
     def __init__(self, values: "NDArray[np.integer]", *, signed: bool) -> None:
         self._values = values
@@ -299,6 +303,9 @@ class _Column:
         if signed:
             wide = [(low < least) | (high > most) for least, most in _KNOWN_WIDTHS]
             widths = 1 + wide[0].astype(np.int64) + wide[1] + wide[2]
+            rare = np.add.reduceat((values != 0).astype(np.int64), starts)
+            sizes = np.diff(starts, append=len(values))
+            widths = np.where(_SPARSE_HEAD_BYTES + _SPARSE_BYTES * rare < widths * sizes, SPARSE, widths)
         else:
             widths = np.where(high > 0xFFFF, 4, np.where(high > 0xFF, 2, 1))
         self.widths: list[int] = np.where(low == high, 0, widths).tolist()
@@ -308,6 +315,10 @@ class _Column:
         if width == 0:
             return int(self._values[start]).to_bytes(4, "little", signed=self._signed)
         values = self._values[start:end]
+        if width == SPARSE:
+            places = np.flatnonzero(values)
+            count = len(places).to_bytes(4, "little")
+            return count + _padded(places.astype("<u2").tobytes(), 4) + values[places].astype("<i4").tobytes()
         if width == 3:
             low = (values & 0xFFFF).astype("<u2").tobytes()
             return _padded(low, 4) + _padded((values >> 16).astype(np.int8).tobytes(), 4)

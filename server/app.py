@@ -25,6 +25,7 @@ from server.programservice import ProgramService
 from server.serialport import Opener, PortOpener
 from server.starting import Background, Starter
 from server.tokens import TokenStore
+from server.toolpaths import Toolpaths
 from server.worker import ThreadWorker, Worker
 
 
@@ -84,13 +85,16 @@ class Workshop:
         await self.tokens.load()
         store = ProgramStore(config.server.programs_dir)
         pieces = {machine.name: Workpiece.of(machine) for machine in config.machine}
+        planning = Planning(store)
+        files = self._worker("files")
         self.programs = ProgramService(
             store,
             db=self.db,
             hub=self.hub,
             clock=parts.clock,
-            files=self._worker("files"),
+            files=files,
             checks=self._worker("checks"),
+            toolpaths=Toolpaths(store, planning.motion_of, maker=self._worker("drawings"), files=files),
             pieces=pieces,
             max_upload_bytes=config.server.max_upload_bytes,
         )
@@ -100,7 +104,7 @@ class Workshop:
             db=self.db,
             hub=self.hub,
             clock=parts.clock,
-            planning=Planning(store),
+            planning=planning,
             pieces=pieces,
             worker=self._worker("plans"),
             background=background,

@@ -33,6 +33,7 @@ CODES: dict[str, tuple[int, str]] = {
     "preflight_warnings": (422, "The check of the program has warnings"),
     "not_a_program": (422, "The upload is not a G-code program"),
     "empty_program": (422, "The program has no blocks"),
+    "no_preview": (422, "The program cannot be drawn"),
     "too_large": (413, "The upload is larger than allowed"),
     "disk_full": (507, "The disk is full"),
     "command_failed": (409, "The machine refused the command"),

@@ -1,4 +1,4 @@
-"""Programs for the API: uploads streamed to disk, the list, the source, the check. Files are jobs/program.py's.
+"""Programs for the API: uploads streamed to disk, the list, the source, the check, the drawing. Files: jobs/program.py.
 
 The one rule: an upload is complete and durable, or there is nothing of it; it is never in memory as a whole.
 """
@@ -20,6 +20,7 @@ from server.dbthread import Db
 from server.hub import Hub
 from server.plans import Planning, Workpiece
 from server.problems import ProblemError
+from server.toolpaths import Toolpath, Toolpaths
 from server.worker import Worker
 
 LISTED = 1000
@@ -29,10 +30,10 @@ CHECKS_KEPT = 32
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 
 
-def disk_problem(error: OSError) -> Exception:
+def disk_problem(error: OSError, what: str = "program") -> Exception:
     """What a user can mend is a problem; everything else is an error of the daemon."""
     if error.errno in FULL:
-        return ProblemError("disk_full", f"The program cannot be stored: {error.strerror}. Nothing of it was kept.")
+        return ProblemError("disk_full", f"The {what} cannot be stored: {error.strerror}. Nothing of it was kept.")
     return error
 
 
@@ -48,6 +49,7 @@ class ProgramService:
         clock: Clock,
         files: Worker,
         checks: Worker,
+        toolpaths: Toolpaths,
         pieces: Mapping[str, Workpiece],
         max_upload_bytes: int,
     ) -> None:
@@ -58,6 +60,7 @@ class ProgramService:
         self._clock = clock
         self._files = files
         self._checks = checks
+        self._toolpaths = toolpaths
         self._pieces = pieces
         self._max_upload_bytes = max_upload_bytes
         self._checked: OrderedDict[tuple[str, str], dict[str, Any]] = OrderedDict()
@@ -133,6 +136,19 @@ class ProgramService:
             self._checked.popitem(last=False)
         return report
 
+    async def toolpath(
+        self, program_id: str, *, machine: str | None = None, profile: str | None = None, level: int = 0
+    ) -> "Drawing":
+        """The drawing as a machine or a profile understands the program. Raises ProblemError."""
+        shared = {piece.profile.name for piece in self._pieces.values()}
+        if machine is None and profile is None:
+            if len(shared) != 1:
+                raise ProblemError("invalid_request", "Name the `machine` or the `profile` that the program is for.")
+            (profile,) = shared
+        piece, _ = self._piece(machine, profile)
+        await self.get(program_id)
+        return Drawing(self._toolpaths.get(program_id, piece.profile, level))
+
     async def delete(self, program_id: str) -> None:
         """Forget a program. Raises ProblemError while a job needs it."""
         program = await self.get(program_id)
@@ -160,3 +176,20 @@ class ProgramService:
             return await worker.run(fn, *args)
         except UnknownProgramError as error:
             raise ProblemError("unknown_program", f"The file of program {program_id!r} is not there.") from error
+
+
+class Drawing:
+    """A toolpath whose faults are problems."""
+
+    def __init__(self, toolpath: Toolpath) -> None:
+        self._toolpath = toolpath
+        self.etag = toolpath.etag
+
+    async def open(self) -> tuple[int, AsyncIterator[bytes]]:
+        """How many bytes, and the bytes. Raises ProblemError."""
+        try:
+            return await self._toolpath.open()
+        except UnknownProgramError as error:
+            raise ProblemError("unknown_program", f"The file of program {error.args[0]!r} is not there.") from error
+        except OSError as error:
+            raise disk_problem(error, "drawing") from error

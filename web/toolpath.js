@@ -7,6 +7,7 @@ export const START = 0x80; // nothing leads to this vertex
 const VERSION = 1;
 const HEAD_BYTES = 64;
 const LEVEL_BYTES = 24;
+const SPARSE = 5; // width of a column of which nearly all differences are 0
 const EXACT_MM = 8000; // float32 holds a micron up to here
 
 function align(at, unit) {
@@ -42,8 +43,12 @@ function readHead(buffer) {
 }
 
 // Where the n numbers of a column begin, and where the column after it does.
-function columnEnd(at, width, count) {
+function columnEnd(buffer, at, width, count) {
   if (width === 0) return at + 4;
+  if (width === SPARSE) {
+    const [rare] = new Uint32Array(buffer, at, 1);
+    return align(at + 4 + 2 * rare, 4) + 4 * rare;
+  }
   if (width === 3) return align(at + 2 * count, 4) + align(count, 4);
   return align(at + width * count, 4);
 }
@@ -57,6 +62,15 @@ function addUp(buffer, at, width, count, base, target, start) {
   } else if (width === 3) {
     const low = new Uint16Array(buffer, at, count), high = new Int8Array(buffer, align(at + 2 * count, 4), count);
     for (let i = 0; i < count; i++) target[start + i] = sum = (sum + low[i] + high[i] * 65536) | 0;
+  } else if (width === SPARSE) {
+    const [rare] = new Uint32Array(buffer, at, 1);
+    const places = new Uint16Array(buffer, at + 4, rare), steps = new Int32Array(buffer, align(at + 4 + 2 * rare, 4), rare);
+    let from = 0;
+    for (let i = 0; i < rare; from = places[i++]) {
+      target.fill(sum, start + from, start + places[i]);
+      sum = (sum + steps[i]) | 0;
+    }
+    target.fill(sum, start + from, start + count);
   } else {
     const steps = new ({ 1: Int8Array, 2: Int16Array, 4: Int32Array }[width])(buffer, at, count);
     for (let i = 0; i < count; i++) target[start + i] = sum = (sum + steps[i]) | 0;
@@ -86,11 +100,11 @@ function readBlocks(buffer, head) {
     let column = align(at + 12 + 4 * axes + widths.length, 4);
     sums.forEach((target, number) => {
       addUp(buffer, column, widths[number], count, bases[number], target, start);
-      column = columnEnd(column, widths[number], count);
+      column = columnEnd(buffer, column, widths[number], count);
     });
     values.forEach((target, number) => {
       copy(buffer, column, widths[axes + 1 + number], count, target, start);
-      column = columnEnd(column, widths[axes + 1 + number], count);
+      column = columnEnd(buffer, column, widths[axes + 1 + number], count);
     });
     start += count;
     at += bytes;

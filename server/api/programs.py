@@ -1,4 +1,4 @@
-"""Routes of programs: upload, list, source, check, delete.
+"""Routes of programs: upload, list, source, check, toolpath, delete.
 
 Not the store (`server/programservice.py`). The one rule: the content of a program is never in memory as a whole.
 """
@@ -7,8 +7,9 @@ from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
 from fastapi import FastAPI, Path, Query, Request
-from starlette.responses import Response
+from starlette.responses import Response, StreamingResponse
 
+from gcode.toolpath import MAX_LEVEL
 from server.api.models import PROGRAM_ID, CheckView, ProgramView, SourceView
 from server.api.routing import Routes, json_response
 from server.api.services import Services
@@ -49,6 +50,7 @@ def install(app: FastAPI, services: Services) -> None:
     _upload(app, services)
     _views(app, services)
     _contents(app, services)
+    _drawing(app, services)
     _removal(app, services)
 
 
@@ -156,6 +158,50 @@ def _contents(app: FastAPI, services: Services) -> None:
         if (machine is None) == (profile is None):
             raise ProblemError("invalid_request", "Name either `machine` or `profile`.")
         return json_response(await services.programs.check(id, machine=machine, profile=profile))
+
+
+def _drawing(app: FastAPI, services: Services) -> None:
+    routes = Routes(app, "programs")
+    packed = {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}, "example": "MSTP…"}}
+
+    @routes.add(
+        "GET",
+        "/programs/{id}/toolpath",
+        role=Role.VIEWER,
+        summary="Show the path of a program, packed for drawing",
+        content=packed,
+        errors=("unknown_program", "unknown_machine", "no_preview", "disk_full"),
+    )
+    async def get_toolpath(
+        request: Request,
+        id: ProgramId,
+        machine: Annotated[str | None, Query(max_length=64, description="The machine that is to run it")] = None,
+        profile: Annotated[
+            str | None, Query(max_length=64, description="Or only its kind", examples=["elvinto"])
+        ] = None,
+        level: Annotated[
+            int, Query(ge=0, le=MAX_LEVEL, description="Of detail; 0 is everything, what is not there the coarsest")
+        ] = 0,
+    ) -> Response:
+        """Binary, docs/toolpath.md. Without `machine` and `profile`, for the profile that all machines share.
+
+        `If-None-Match` is answered with 304. The first request for a long program takes some seconds.
+        """
+        if machine is not None and profile is not None:
+            raise ProblemError("invalid_request", "Name either `machine` or `profile`.")
+        drawing = await services.programs.toolpath(id, machine=machine, profile=profile, level=level)
+        headers = {"ETag": drawing.etag, "Cache-Control": "private, no-cache"}
+        if _has_already(request, drawing.etag):
+            return Response(status_code=304, headers=headers)
+        length, chunks = await drawing.open()
+        headers["Content-Length"] = str(length)
+        return StreamingResponse(chunks, headers=headers, media_type="application/octet-stream")
+
+
+def _has_already(request: Request, etag: str) -> bool:
+    """RFC 9110 §13.1.2: weak comparison, a list, or any."""
+    known = [tag.strip().removeprefix("W/") for tag in request.headers.get("if-none-match", "").split(",")]
+    return etag in known or "*" in known
 
 
 def _removal(app: FastAPI, services: Services) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bench import instant, memory, reading, streaming, wire
+from bench import instant, memory, reading, streaming, toolpath, wire
 from bench.__main__ import NAMES, main
 from bench.programs import as_bytes, relief
 
@@ -54,6 +54,17 @@ def test_reading() -> None:
     for heading, _ in report.groups:
         for name in ("reader", "check", "planner"):
             assert report.value(heading, name) > 0
+
+
+def test_toolpath() -> None:
+    report = toolpath.run(relief_lines=300, features=6)
+    for heading, _ in report.groups:
+        assert report.value(heading, "segments") > 100
+        assert report.value(heading, "all levels, for a segment") > 0
+        # So small a program is mostly head, but what a level takes does not depend on the computer.
+        edges = report.value(heading, "edges, arcs as chords")
+        assert report.value(heading, "level 0, 0 mm") * toolpath.MILLION / edges < toolpath.GOAL_BYTES
+    assert report.value("fine relief", "segments") < report.value("fine relief", "edges, arcs as chords") * 1.01
 
 
 def test_reader_and_yardstick_see_the_same_words() -> None:

@@ -224,8 +224,31 @@ class FakePrograms(Recording):
         report: Json = example_of(CheckView)
         return report
 
+    async def toolpath(
+        self, program_id: str, *, machine: str | None = None, profile: str | None = None, level: int = 0
+    ) -> "FakeToolpath":
+        self.note("toolpath", program_id, machine, profile, level)
+        return FakeToolpath(self)
+
     async def delete(self, program_id: str) -> None:
         self.note("delete", program_id)
+
+
+@dataclass(frozen=True)
+class FakeToolpath:
+    """Three pieces of one byte, one and two."""
+
+    programs: FakePrograms
+    etag: str = '"abc-1"'
+
+    async def open(self) -> tuple[int, AsyncIterator[bytes]]:
+        self.programs.note("open")
+
+        async def chunks() -> AsyncIterator[bytes]:
+            for chunk in (b"M", b"S", b"TP"):
+                yield chunk
+
+        return 4, chunks()
 
 
 @dataclass(frozen=True)

@@ -82,6 +82,14 @@ def read_column(cursor: Cursor, width: int, count: int, *, signed: bool) -> list
         high = cursor.take(f"{count}b")
         cursor.align(4)
         return [a + 65536 * b for a, b in zip(low, high, strict=True)]
+    if width == 5:
+        assert signed
+        (rare,) = cursor.take("I")
+        places = cursor.take(f"{rare}H")
+        cursor.align(4)
+        assert sorted(set(places)) == list(places)
+        found = dict(zip(places, cursor.take(f"{rare}i"), strict=True))
+        return [found.get(at, 0) for at in range(count)]
     letter = {1: "b", 2: "h", 4: "i"}[width]
     values = list(cursor.take(f"{count}{letter if signed else letter.upper()}"))
     cursor.align(4)

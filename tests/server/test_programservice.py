@@ -13,6 +13,7 @@ from server.app import Workshop
 from server.problems import ProblemError
 from server.programservice import SOURCE_LINES
 from tests.harness.simloop import run_simulated
+from tests.harness.toolpathreader import read_toolpath
 from tests.harness.workshop import MACHINE, Bench
 
 GOOD = b"G90\nG1 X1 F100\nM30\n"
@@ -141,6 +142,42 @@ def test_the_check_is_made_once_and_forgotten_with_the_program(tmp_path: Path, m
     told(tmp_path, story)
 
 
+def test_the_drawing_of_a_program(tmp_path: Path) -> None:
+    async def story(shop: Workshop) -> None:
+        program, _ = await shop.programs.store(chunks(b"G21 G90\nG0 X0 Y0 Z5\nG1 X10 F300\nG2 X20 I5\nM30\n"), "a.nc")
+        drawing = await shop.programs.toolpath(program["id"])
+        assert drawing.etag == (await shop.programs.toolpath(program["id"], machine=MACHINE)).etag
+        assert drawing.etag != (await shop.programs.toolpath(program["id"], profile="elvinto", level=1)).etag
+        length, pieces = await drawing.open()
+        data = b"".join([piece async for piece in pieces])
+        assert len(data) == length
+        found = read_toolpath(data)
+        assert set(found.line) == {2, 3, 4}
+        assert found.places[-1][:3] == pytest.approx((20, 0, 5))
+        assert found.feed[-1] == 300
+        await shop.programs.delete(program["id"])
+        assert files(tmp_path) == []
+        assert (await refusal(drawing.open())).code == "unknown_program"
+        assert (await refusal(shop.programs.toolpath(program["id"]))).code == "unknown_program"
+
+    told(tmp_path, story)
+
+
+def test_no_drawing_without_room_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_fd: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    async def story(shop: Workshop) -> None:
+        program, _ = await shop.programs.store(chunks(GOOD), "a.nc")
+        before = files(tmp_path)
+        monkeypatch.setattr("os.fsync", full)
+        refused = await refusal((await shop.programs.toolpath(program["id"])).open())
+        assert (refused.code, "drawing" in refused.detail) == ("disk_full", True)
+        assert files(tmp_path) == before
+
+    told(tmp_path, story)
+
+
 @pytest.mark.parametrize(
     ("against", "code"),
     [({"machine": "nobody"}, "unknown_machine"), ({"profile": "nothing"}, "invalid_request")],
@@ -149,6 +186,7 @@ def test_a_check_against_what_does_not_exist(tmp_path: Path, against: dict[str, 
     async def story(shop: Workshop) -> None:
         program, _ = await shop.programs.store(chunks(GOOD), "a.nc")
         assert (await refusal(shop.programs.check(program["id"], **against))).code == code
+        assert (await refusal(shop.programs.toolpath(program["id"], **against))).code == code
 
     told(tmp_path, story)
 

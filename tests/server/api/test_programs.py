@@ -1,6 +1,7 @@
 from collections.abc import AsyncIterator
 from typing import Any
 
+import httpx
 import pytest
 
 from server.api.models import PROGRAM_ID, CheckView, ProgramView, SourceView
@@ -138,6 +139,59 @@ def test_the_check_is_for_a_machine_or_for_its_kind() -> None:
     assert ask("GET", f"{ONE}/check?profile=elvinto")[2] == [("check", PROGRAM_ID, None, "elvinto")]
     for query in ("", "?machine=router&profile=elvinto"):
         assert ask("GET", f"{ONE}/check{query}")[1]["code"] == "invalid_request"
+
+
+TOOLPATH = f"{ONE}/toolpath"
+
+
+def fetch(path: str, tag: str = "") -> tuple[httpx.Response, list[Any]]:
+    async def main() -> tuple[httpx.Response, list[Any]]:
+        async with FakeWorkshop() as workshop, workshop.client() as client:
+            answer = await client.get(path, headers={"If-None-Match": tag} if tag else {})
+            return answer, workshop.programs.calls
+
+    return run(main())
+
+
+def test_the_path_of_a_program() -> None:
+    answer, calls = fetch(TOOLPATH)
+    assert (answer.status_code, answer.content) == (200, b"MSTP")
+    assert answer.headers["content-type"] == "application/octet-stream"
+    assert (answer.headers["content-length"], answer.headers["etag"]) == ("4", '"abc-1"')
+    assert answer.headers["cache-control"] == "private, no-cache"
+    assert calls == [("toolpath", PROGRAM_ID, None, None, 0), ("open",)]
+    assert fetch(f"{TOOLPATH}?machine=router&level=2")[1][0] == ("toolpath", PROGRAM_ID, "router", None, 2)
+    assert fetch(f"{TOOLPATH}?profile=elvinto&level=4")[1][0] == ("toolpath", PROGRAM_ID, None, "elvinto", 4)
+
+
+@pytest.mark.parametrize("tag", ['"abc-1"', 'W/"abc-1"', '"old", "abc-1"', "*"])
+def test_a_path_that_the_browser_has_already_is_not_even_made(tag: str) -> None:
+    answer, calls = fetch(TOOLPATH, tag)
+    assert (answer.status_code, answer.content, answer.headers["etag"]) == (304, b"", '"abc-1"')
+    assert "open" not in [call[0] for call in calls]
+
+
+def test_another_path_than_the_browser_has_is_sent() -> None:
+    assert fetch(TOOLPATH, '"abc-2"')[0].status_code == 200
+
+
+@pytest.mark.parametrize("query", ["?level=5", "?level=-1", "?level=x", "?machine=router&profile=elvinto"])
+def test_a_path_that_cannot_be(query: str) -> None:
+    status, body, calls = ask("GET", TOOLPATH + query)
+    assert (status, body["code"], calls) == (422, "invalid_request", [])
+
+
+@pytest.mark.parametrize(
+    ("where", "code", "status"), [("toolpath", "unknown_program", 404), ("open", "no_preview", 422)]
+)
+def test_a_path_that_is_refused(where: str, code: str, status: int) -> None:
+    async def main() -> None:
+        async with FakeWorkshop() as workshop, workshop.client() as client:
+            workshop.programs.refusals[where] = ProblemError(code, "No.")
+            answer = await client.get(TOOLPATH)
+            assert (answer.status_code, answer.json()["code"]) == (status, code)
+
+    run(main())
 
 
 def test_a_program_is_deleted() -> None:
