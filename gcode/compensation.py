@@ -107,11 +107,13 @@ class Compensator:
     Every method gives the moves that are certain now, in order; CompensationFault is all that they raise.
     `programmed` is the point that the program believes to be at: absolute coordinates that a block leaves out, and
     G91, count from there, also after G40 (the tool itself is only taken there by the next straight move).
+    `plane` 17, 18 or 19 is that of the last begin().
     """
 
     def __init__(self, axes: str) -> None:
         self._axes = axes
         self._phase = Phase.OFF
+        self.plane = 17
         self._side = LEFT
         self._radius = 0.0
         self._straight_next = False
@@ -351,6 +353,7 @@ class Compensator:
     def _use_plane(self, plane: int) -> bool:
         """Look up the axes of a plane; whether the machine has both of it (a lathe has no Y)."""
         first, second, normal = (self._axes.find(axis) for axis in PLANE_AXES.get(plane, "???"))
+        self.plane = plane
         self._first, self._second, self._normal = first, second, normal
         return first >= 0 and second >= 0
 

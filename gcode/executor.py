@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 from gcode.compensation import LEFT, RIGHT, CompensationFault, Compensator, Move
 from gcode.profile import Code, Profile
 from gcode.rows import NO_TOOL, ArcWords, Row, Rows
-from gcode.segments import CCW, CW, DWELL, FEED, PLANE_AXES, RAPID, ROTARY_AXES
+from gcode.segments import CCW, CW, DWELL, FEED, HOMING, PLANE_AXES, PROBE, RAPID, ROTARY_AXES
 from gcode.state import State
 from gcode.words import Block
 
@@ -216,9 +216,6 @@ class Executor:
         if radius is None:
             self.note(work, "compensation", f"G{side}: the radius of the tool is not known", "D")
             return
-        if any(isnan(value) for value in at):
-            self.note(work, "compensation", f"G{side} where the position is not known")
-            return
         if self._compensator is None:
             self._compensator, self._tool_at = Compensator(state.axes), at
         try:
@@ -238,10 +235,12 @@ class Executor:
             self._compensator = None
 
     def _guide(self, row: Row, compensator: Compensator) -> None:
+        if row.kind in (HOMING, PROBE):
+            self._leave(row, compensator)
+            return
+        if row.inverse:
+            row = self._rated(row)
         try:
-            if any(isnan(value) for value in row.end):
-                message = "the position is lost while compensation is on"
-                raise CompensationFault(row.line, "compensation", message, compensator.end())
             if row.kind == DWELL:
                 moves = compensator.aside(row.line, row)
             elif row.kind in (CW, CCW):
@@ -252,19 +251,31 @@ class Executor:
             self.notes.append(Note(row.line, 1, fault.code, fault.message))
             moves = fault.moves
         self._guided(moves)
-        if any(isnan(value) for value in row.end):
-            self.rows.add(row)
-            compensator.reset()
         if not compensator.active:
             self._compensator = None
+
+    def _leave(self, row: Row, compensator: Compensator) -> None:
+        """A way that is not the program's own: it starts where the tool is, and nobody guides it."""
+        if compensator.engaged:
+            self.notes.append(Note(row.line, 1, "compensation", "homing or probing while compensation is on"))
+        self._guided(compensator.end())
+        compensator.reset()
+        self._compensator = None
+        self.rows.add(row._replace(start=self._tool_at or row.start))
+
+    def _rated(self, row: Row) -> Row:
+        """In G93 the programmed way tells the feed: the tool's own is longer or shorter, and has arcs added."""
+        alone = Rows(self.state.axes)
+        alone.add(row._replace(frame=0))
+        return row._replace(feed=float(alone.take().feed[0]), inverse=False)
 
     def _guided_arc(self, row: Row, compensator: Compensator) -> list[Move]:
         arc = row.arc
         clockwise = row.kind == CW
         centre = None if arc is None else arc.at(clockwise=clockwise)
-        if arc is None or centre is None:
-            raise CompensationFault(row.line, "arc_impossible", "no arc of these words to compensate")
-        return compensator.arc(row.line, row.end, centre, clockwise=clockwise, turns=arc.turns, payload=row)
+        turns = 1 if arc is None else arc.turns
+        # An arc that cannot be has its centre nowhere: the compensator's own fault.
+        return compensator.arc(row.line, row.end, centre or (nan, nan), clockwise=clockwise, turns=turns, payload=row)
 
     def _guided(self, moves: Iterable[Move]) -> None:
         """Moves of the tool's centre to rows; what else belongs to them is in the row that they came from."""
@@ -283,11 +294,13 @@ class Executor:
             self._tool_at = end
 
     def _add_arc(self, move: Move, start: list[float], end: list[float]) -> None:
-        first, second, _ = self.plane_rows()
-        if first is None or second is None or move.centre is None:
+        """In the plane that G41 was given in, whatever has been selected since."""
+        compensator = self._compensator
+        if compensator is None or move.centre is None:
             return
+        first, second = (self.axis_rows[axis] for axis in PLANE_AXES[compensator.plane][:2])
         way = (end[first] - start[first], end[second] - start[second])
-        self.rows.amend_arc(ArcWords(self.state.plane, way, move.centre, None, move.turns))
+        self.rows.amend_arc(ArcWords(compensator.plane, way, move.centre, None, move.turns))
 
 
 __all__ = ["FEED", "Executor", "Note", "Work"]

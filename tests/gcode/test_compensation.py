@@ -18,8 +18,12 @@ from gcode.compensation import (
     Move,
     Phase,
 )
-from gcode.offsetpath import TANGENT_RAD
-from gcode.segments import CCW, CW, FEED, RAPID
+from gcode.executor import Note
+from gcode.interpreter import Interpreter
+from gcode.offsetpath import REVERSAL_RAD, TANGENT_RAD
+from gcode.profile import load_profile
+from gcode.segments import CCW, CW, FEED, PROBE, RAPID, Segments
+from gcode.words import parse_block
 from tests.harness.contours import (
     Contour,
     Point,
@@ -57,9 +61,10 @@ def moves_of(contour: Contour) -> list[Move]:
 
 
 def near_tangent(contour: Contour) -> bool:
-    """Whether some corner is so small that it is taken as none."""
+    """Whether some corner is so small that it is taken as none, or so near to a reversal that it is taken as one."""
     steps = [(start, step) for start, step in with_starts(contour) if step.to != start or step.centre is not None]
-    return any(1e-9 < abs(corner(start, one, two)) < 1.01 * TANGENT_RAD for (start, one), (_, two) in pairwise(steps))
+    corners = [abs(corner(start, one, two)) for (start, one), (_, two) in pairwise(steps)]
+    return any(1e-9 < angle < 1.01 * TANGENT_RAD or 1e-9 < pi - angle < 1.01 * REVERSAL_RAD for angle in corners)
 
 
 # -- by hand
@@ -581,3 +586,50 @@ def test_a_long_program_holds_one_move_back() -> None:
     compensator = Compensator("XYZ")
     behind = [number - moves[-1].line for number, moves in enumerate(feed(contour, compensator), 1) if moves]
     assert set(behind[1:-2]) <= {0, 1}
+
+
+# -- in the interpreter
+
+
+def followed(*lines: str) -> tuple[Segments, list[Note]]:
+    """A program from unknown places on, in the language of the reference."""
+    interpreter = Interpreter(load_profile("rs274ngc"))
+    for number, line in enumerate(lines, 1):
+        interpreter.step(number, parse_block(line))
+    interpreter.finish()
+    return interpreter.take(), interpreter.notes
+
+
+BEGINNING = ("G21 G17 G90 G94 F100", "G0 X0 Y0", "G42.1 D6", "G1 X20")
+
+
+def test_feeds_and_dwells_stay_with_their_moves() -> None:
+    """What is held back keeps the feed of its own block; only the plane's axes have to be known."""
+    found, notes = followed(*BEGINNING, "F200", "G4 P1", "G1 Y20 F300", "G40", "G1 X0")
+    assert not notes
+    assert list(found.kind[1:]) == [FEED, ASIDE, CCW, FEED, FEED]
+    assert list(found.feed[[1, 3, 4]]) == [100, 300, 300]
+    assert list(found.line[1:]) == [4, 6, 7, 7, 9]
+    assert tuple(found.end[:2, 2]) == pytest.approx((20, -3))
+
+
+def test_inverse_time_counts_the_programmed_way() -> None:
+    """G93 F2: 20 mm in half a minute; the arc round the corner is cut at the same feed."""
+    found, notes = followed(*BEGINNING, "G93 G1 Y20 F2", "G40", "G94 F50 G1 X0")
+    assert not notes
+    assert list(found.feed[2:]) == [40, 40, 50]
+
+
+def test_the_plane_of_g41_is_that_of_its_arcs() -> None:
+    """In one block the plane changes before compensation ends (rs274 §3)."""
+    found, _ = followed(*BEGINNING, "G3 X30 Y10 J10", "G40 G18", "G1 X0")
+    assert (found.kind[2], found.plane[2], found.radius[2]) == (CCW, 17, pytest.approx(13))
+
+
+def test_nobody_guides_a_probe() -> None:
+    found, notes = followed(*BEGINNING, "G38.2 X40", "G40")
+    assert [(note.line, note.code) for note in notes] == [(5, "compensation")]
+    assert list(found.kind[1:]) == [FEED, PROBE]
+    assert tuple(found.end[:2, 1]) == tuple(found.start[:2, 2]) == pytest.approx((20, -3))
+    _, notes = followed(*BEGINNING, "G40", "G38.2 X40")
+    assert not notes

@@ -10,19 +10,25 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import hypot, pi
+from math import ceil, copysign, hypot, pi
 from pathlib import Path
 from random import Random
 
 import pytest
 
 from gcode.compensation import LEFT, RIGHT, Move
-from gcode.segments import CCW, RAPID
+from gcode.executor import Note
+from gcode.interpreter import Interpreter
+from gcode.offsetpath import TANGENT_RAD
+from gcode.profile import load_profile
+from gcode.segments import CCW, CW, PLANE_AXES, RAPID
+from gcode.words import parse_block
 from tests.harness.contours import (
     Contour,
     Step,
     arc_step,
     compensated,
+    corner,
     is_reversal,
     polygon,
     random_contour,
@@ -66,14 +72,11 @@ def _ask_until_fault(contours: Sequence[Contour], folder: Path) -> list[Answer]:
         lines += ["(CASE)", *contour.words(), "(DONE)", "G0 X0"]
     program = folder / "contours.ngc"
     program.write_text("\n".join([*lines, "M2", ""]))
-    done = subprocess.run(
-        [str(RS274), "-g", "-v", str(folder / "rs274.var"), str(program)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        cwd=folder,
-    )
+    command = [str(RS274), "-g", "-v", str(folder / "rs274.var"), str(program)]
+    for _ in range(3):
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=folder)
+        if done.returncode >= 0:  # it has been seen to die of a signal, once in some thousand runs
+            break
     answers, calls, inside = [], [], False
     for name, words in _CALL.findall(done.stdout):
         if name != "COMMENT":
@@ -252,15 +255,19 @@ def test_random_contours(seed: int, plane: int, tmp_path: Path) -> None:
     agreed: Counter[str] = Counter()
     for contour, answer in zip(contours, ask(contours, tmp_path), strict=True):
         agreed[judge(contour, answer)] += 1
-    assert agreed["same"] == len(passed) > 0.6 * len(made), agreed
+    assert agreed["same"] + agreed["too strict"] == len(passed) > 0.6 * len(made), agreed
+    assert agreed["too strict"] <= 2, agreed
     assert agreed["both refuse"] > 0.6 * REFUSALS, agreed
 
 
 def judge(contour: Contour, answer: Answer) -> str:
     """Equal, or why not; where only we refuse, the reference is shown to be wrong."""
     moves, fault = compensated(contour)
+    if fault is None and answer.fault:
+        assert answer.fault.startswith("Arc move in concave corner")
+        assert nearly_tangent_to_an_arc(contour), contour.words()
+        return "too strict"
     if fault is None:
-        assert not answer.fault, (contour.words(), answer.fault)
         assert_same(contour, moves, answer)
         return "same"
     if answer.fault:
@@ -271,6 +278,18 @@ def judge(contour: Contour, answer: Answer) -> str:
     assert fault.code == "compensation_corner", (contour.words(), fault)
     assert runs_back(contour, answer), contour.words()
     return "it runs back"
+
+
+def nearly_tangent_to_an_arc(contour: Contour) -> bool:
+    """Whether an arc begins at a corner that is taken as none.
+
+    The tool then starts a little before the arc's own start, and the reference may take the arc for stretched.
+    """
+    steps = with_starts(contour)
+    return any(
+        two.centre is not None and 1e-4 < abs(corner(start, one, two)) < TANGENT_RAD
+        for (start, one), (_, two) in pairwise(steps)
+    )
 
 
 def swings_wrong(contour: Contour, answer: Answer) -> bool:
@@ -290,3 +309,59 @@ def turns_back_between_arcs(contour: Contour) -> bool:
         one.centre is not None and two.centre is not None and is_reversal(start, one, two)
         for (start, one), (_, two) in pairwise(steps)
     )
+
+
+def through_the_interpreter(contour: Contour) -> tuple[list[tuple[str, list[float]]], list[Note]]:
+    """The same contour as a program, in the language of the reference: its segments as the reference prints them."""
+    interpreter = Interpreter(load_profile("rs274ngc"))
+    for line, text in enumerate(["G21 G90 G94 F100", *contour.words()], 1):
+        interpreter.step(line, parse_block(text))
+    interpreter.finish()
+    found = interpreter.take()
+    calls = []
+    for row in range(1, len(found)):  # the first is the rapid to the start
+        end = [float(value) for value in found.end[:3, row]]
+        if found.kind[row] in (CW, CCW):
+            first, second, normal = ("XYZ".index(axis) for axis in PLANE_AXES[int(found.plane[row])])
+            centre = [float(found.start[axis, row] + found.centre[n, row]) for n, axis in enumerate((first, second))]
+            turns = copysign(ceil(abs(found.sweep[row]) / (2 * pi) - 1e-6), found.sweep[row])
+            calls.append(("ARC_FEED", [end[first], end[second], *centre, turns, end[normal], 0.0, 0.0, 0.0]))
+        else:
+            name = "STRAIGHT_TRAVERSE" if found.kind[row] == RAPID else "STRAIGHT_FEED"
+            calls.append((name, [*end, 0.0, 0.0, 0.0]))
+    assert all((found.end[:3, :-1] == found.start[:3, 1:]).all(axis=0))
+    return calls, interpreter.notes
+
+
+def test_programs_through_the_interpreter(tmp_path: Path) -> None:
+    """G41.1 D, the moves and G40 as words: what the machine would do is what the reference does."""
+    random = Random(6)
+    made = [random_contour(random, random.randint(2, 7), plane=random.choice((17, 18))) for _ in range(120)]
+    made += [contour for _, contour in fixed_contours(17)]
+    contours = [contour for contour in made if not turns_back_between_arcs(contour) and not compensated(contour)[1]]
+    assert len(contours) > 150
+    for contour, answer in zip(contours, ask(contours, tmp_path), strict=True):
+        calls, notes = through_the_interpreter(contour)
+        assert not notes
+        assert [name for name, _ in calls] == [name for name, _ in answer.calls], contour.words()
+        for (_, mine), (_, theirs) in zip(calls, answer.calls, strict=True):
+            assert mine == pytest.approx(theirs, abs=PRINTED_MM), contour.words()
+
+
+@pytest.mark.parametrize("text", ["G1 X1", "G3 X20 Y2 J1"])
+def test_a_fault_is_a_note_with_its_line(text: str, tmp_path: Path) -> None:
+    """In the interpreter and in the reference alike; behind it the program is followed as it stands."""
+    lines = ["G21 G17 G90 G94 F100", "G0 X0 Y0 Z0", "G41.1 D6", *(["G1 X20"] if "G3" in text else []), text, "G40"]
+    program = tmp_path / "fault.ngc"
+    program.write_text("\n".join([*lines, "M2", ""]))
+    command = [str(RS274), "-g", "-v", str(tmp_path / "rs274.var"), str(program)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path)
+    assert done.stderr.strip().endswith(text)
+    interpreter = Interpreter(load_profile("rs274ngc"))
+    for line, block in enumerate([*lines, "G0 X50 Y50"], 1):
+        interpreter.step(line, parse_block(block))
+    interpreter.finish()
+    (note,) = interpreter.notes
+    assert (note.line, note.level) == (lines.index(text) + 1, "error")
+    assert note.code in ("compensation_entry", "compensation_radius")
+    assert [float(value) for value in interpreter.take().end[:2, -1]] == [50.0, 50.0]
