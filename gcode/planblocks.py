@@ -5,7 +5,7 @@ controller would drop as no way at all is no block, and what empties its queue l
 """
 
 from dataclasses import dataclass, fields, replace
-from math import inf, isfinite
+from math import inf, isfinite, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,7 @@ class BlockMaker:
         self._unit = np.zeros(len(axes))
         self._nominal = 0.0
         self._has_moved = False
+        self._seen = np.full(len(axes), nan)
         self.at_rest = True
 
     def counts(self, segments: Segments) -> Ints:
@@ -99,7 +100,7 @@ class BlockMaker:
 
     def make(self, segments: Segments, counts: Ints) -> Blocks:
         """The blocks of these segments; `counts` is what `counts()` said of them."""
-        ways = straight_ways(_from_zero(segments), counts, self._steps)
+        ways = straight_ways(self._somewhere(segments), counts, self._steps)
         delta, row = ways.delta, ways.row
         length = np.sqrt(np.einsum("ij,ij->j", delta, delta))
         moves = length > NO_WAY_MM
@@ -120,6 +121,25 @@ class BlockMaker:
             pause[0] = 0.0
             self._has_moved = True
         return Blocks(row, length, acceleration, nominal, limit2, self._longest(delta), pause)
+
+    def _somewhere(self, segments: Segments) -> Segments:
+        """Straight ways from where nobody knows reckoned from the place last known, at first the program's zero.
+
+        An estimate has to begin somewhere, and a machine that has just been switched on stands there.
+        """
+        known_end = ~np.isnan(segments.end)
+        unknown = np.isnan(segments.start) & known_end & ~segments.is_arc
+        if not unknown.any() and known_end[:, -1:].all():
+            if len(segments):
+                self._seen = segments.end[:, -1].copy()
+            return segments
+        ends = np.concatenate((self._seen[:, None], segments.end), axis=1)
+        last = np.maximum.accumulate(np.where(np.isnan(ends), 0, np.arange(ends.shape[1])), axis=1)
+        seen = np.take_along_axis(ends, last, axis=1)
+        self._seen = seen[:, -1]
+        zero = np.array(segments.frames, np.float64).reshape(-1, len(segments.axes))[segments.frame].T
+        somewhere = np.where(np.isnan(seen[:, :-1]), zero, seen[:, :-1])
+        return replace(segments, start=np.where(unknown, somewhere, segments.start))
 
     def _rests(
         self, segments: Segments, row: Ints, first: NDArray[np.bool_], moves: NDArray[np.bool_]
@@ -178,18 +198,6 @@ class BlockMaker:
         for axis_row, steps_per_mm in self._steps.items():
             np.maximum(steps, np.abs(delta[axis_row]) * steps_per_mm, out=steps)
         return np.where(steps > 0, steps * LONGEST_STEP_S, inf)
-
-
-def _from_zero(segments: Segments) -> Segments:
-    """Straight ways from where nobody knows reckoned from the program's zero, where most programs are begun.
-
-    An estimate has to begin somewhere, and a machine that has just been switched on stands there. Only for the time.
-    """
-    unknown = np.isnan(segments.start) & ~np.isnan(segments.end) & ~segments.is_arc
-    if not unknown.any():
-        return segments
-    zero = np.array(segments.frames, np.float64).reshape(-1, len(segments.axes))[segments.frame].T
-    return replace(segments, start=np.where(unknown, zero, segments.start))
 
 
 def _by_axis(unit: Floats, most: list[float]) -> Floats:

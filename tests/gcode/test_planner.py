@@ -171,6 +171,17 @@ def test_a_way_from_where_nobody_knows_is_reckoned_from_the_zero_of_the_program(
     )
 
 
+def test_after_a_gap_it_goes_on_from_the_place_last_known_however_it_is_cut() -> None:
+    rows = [move(FEED, (30.0, 0.0, 0.0)), move(FEED, (nan, 0.0, 0.0)), move(FEED, (80.0, 0.0, 0.0))]
+    program = segments(rows)
+    joined = segments([rows[0], move(FEED, (30.0, 0.0, 0.0)), rows[2]])
+    assert plan(program, SMOOTH) == pytest.approx(plan(joined, SMOOTH))
+    for size in (1, 2):
+        planner = Planner(SMOOTH, program.axes)
+        parts = [planner.feed(program.take(slice(at, at + size))) for at in range(0, 3, size)]
+        assert np.concatenate([*parts, planner.flush()]) == pytest.approx(plan(joined, SMOOTH))
+
+
 def test_a_way_to_where_nobody_knows_is_none() -> None:
     assert plan(segments([move(FEED, (nan, nan, 0.0))], start=(nan, 5.0, 0.0)), SMOOTH) == pytest.approx([0.0])
 
