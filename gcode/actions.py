@@ -168,8 +168,7 @@ def _resume_shift(executor: Executor, _work: Work, _code: Code) -> None:
 def _length_table(executor: Executor, work: Work, code: Code) -> None:
     number = executor.number(work, "H")
     tool = executor.state.tool if number is None else int(number)
-    add = code.effect == "length_add"
-    offsets.use_tool_length(executor.state, tool, executor.axis_rows.get("Z"), add=add)
+    offsets.use_tool_length(executor.state, tool, add=code.effect == "length_add")
 
 
 def _length_direct(executor: Executor, work: Work, _code: Code) -> None:
@@ -222,10 +221,14 @@ def _go_home(executor: Executor, work: Work, code: Code) -> None:
     rows = rows or set(range(len(state.axes)))
     end = [home[row] if row in rows else value for row, value in enumerate(state.position)]
     executor.emit(work, RAPID, end)
+    executor.lose(rows & offsets.adrift(state))
 
 
 def _store_home(executor: Executor, _work: Work, code: Code) -> None:
-    executor.state.homes[HOMES[code.effect]] = list(executor.state.position)
+    state = executor.state
+    untold = offsets.adrift(state)
+    place = [nan if row in untold else value for row, value in enumerate(state.position)]
+    state.homes[HOMES[code.effect]] = place
 
 
 def _linear_rows(executor: Executor) -> list[int]:

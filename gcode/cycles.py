@@ -88,18 +88,17 @@ def cycle_moves(effect: str, hole: Hole) -> Iterator[Move]:
     """The moves of a cycle, the way to each hole included."""
     a, b, now, top = hole.a, hole.b, hole.now, hole.top
     clear = top if hole.return_to_top or hole.level < top else hole.level
-    if now < top:
-        if hole.level < top:
-            yield Move(RAPID, hole.from_a, hole.from_b, top)
+    if hole.level < top:
+        yield Move(RAPID, hole.from_a, hole.from_b, top)
         now = top
     for repeat in range(hole.repeats):
         if repeat:
             a, b = a + hole.step_a, b + hole.step_b
-        yield Move(RAPID, a, b, now)
-        if now != top:
+        above = clear if repeat or now <= top else now
+        yield Move(RAPID, a, b, above)
+        if above != top:
             yield Move(RAPID, a, b, top)
         yield from _body(effect, hole, a, b, clear)
-        now = clear
 
 
 def _body(effect: str, hole: Hole, a: float, b: float, clear: float) -> Iterator[Move]:

@@ -48,6 +48,7 @@ class Interpreter:
         self._laser = laser
         self._axis_rows = executor.axis_rows
         self._codes: dict[str, dict[str, Code | None]] = {letter: {} for letter in profile.code_letters}
+        self._cancel_beside = "cancel_with_motion" in profile.features
         self._barriers = profile.barrier_letters - profile.code_letters
 
     @property
@@ -161,6 +162,8 @@ class Interpreter:
 
     def _execute(self, work: Work, *, lost: bool) -> None:
         executor = self._executor
+        if self._cancel_beside and len(work.codes) > 1:
+            self._drop_cancel(work)
         lost |= self._contradicts(work)
         plan = sorted(((_rank(code), place, code) for place, code in enumerate(work.codes)), key=_by_rank)
         words_done = False
@@ -180,6 +183,15 @@ class Interpreter:
                 self._apply(work, code)
         if executor.strict and not lost:
             self._left_over(work)
+
+    def _drop_cancel(self, work: Work) -> None:
+        """LinuxCNC takes G80 beside another motion code: it ends the cycle, the other one is the mode."""
+        modes = [code for code in work.codes if code.group == "motion"]
+        if len(modes) > 1:
+            for code in modes:
+                if code.effect == "cancel":
+                    self._enter_mode(code)
+            work.codes = [code for code in work.codes if code.effect != "cancel"]
 
     def _contradicts(self, work: Work) -> bool:
         """Words that contradict each other: whether nobody knows where that leads."""

@@ -20,6 +20,7 @@ from gcode.cycles import (
     cycle_moves,
 )
 from gcode.executor import Executor, Work
+from gcode.offsets import adrift
 from gcode.rows import ArcWords
 from gcode.segments import CCW, CW, DWELL, FEED, PLANE_AXES, PROBE, RAPID
 
@@ -35,6 +36,9 @@ MAX_REPEATS = 10_000
 def move(executor: Executor, work: Work, effect: str) -> None:
     """The motion of a block in this mode."""
     _MOTIONS.get(effect, _not_set)(executor, work, effect)
+    if work.machine:
+        # Where that is in the program's coordinates is known only with all offsets.
+        executor.lose(adrift(executor.state).intersection(executor.named(work)))
 
 
 def _not_set(executor: Executor, work: Work, _effect: str) -> None:

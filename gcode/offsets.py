@@ -4,7 +4,7 @@ Every function changes a State and leaves the machine where it stands. Lengths a
 whose offset nobody has told has no known place in the other system, so its position becomes NaN, never a guess.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import isnan, nan
 
 from gcode.state import State
@@ -32,17 +32,19 @@ def shift_to(state: State, named: Named) -> None:
         state.shift, state.shift_active = [0.0] * len(state.axes), True
         state.refresh_frame()
     shift, position = list(state.shift), list(state.position)
+    anew = frozenset(row for row in named if isnan(position[row]))
     for row, value in named.items():
-        if isnan(position[row]):
+        if row in anew:
             position[row] = value + state.frame[row]
         else:
-            shift[row] = position[row] - (state.frame[row] - shift[row]) - value
-    state.shift, state.position = shift, position
+            shift[row] = position[row] - (state.frame[row] - _known(shift[row])) - value
+    state.shift, state.position, state.adrift = shift, position, state.adrift | anew
     state.refresh_frame()
 
 
 def set_local_shift(state: State, named: Named) -> None:
     """G52: the shift itself, in the place of that of G92."""
+    _leave_shift(state, named)
     shift = list(state.shift) if state.shift_active else [0.0] * len(state.axes)
     for row, value in named.items():
         shift[row] = value
@@ -52,16 +54,41 @@ def set_local_shift(state: State, named: Named) -> None:
 
 def clear_shift(state: State, *, forget: bool) -> None:
     """G92.1, and G92.2, which remembers it for G92.3."""
+    if not state.shift_active and not forget:
+        return
+    adrift = _leave_shift(state, range(len(state.axes)))
     state.shift_active = False
     if forget:
         state.shift = [0.0] * len(state.axes)
+    else:
+        state.shift = [nan if row in adrift else value for row, value in enumerate(state.shift)]
     state.refresh_frame()
 
 
 def resume_shift(state: State) -> None:
     """G92.3."""
-    state.shift_active = True
-    state.refresh_frame()
+    if not state.shift_active:
+        state.shift_active = True
+        _lose(state, [row for row, value in enumerate(state.shift) if isnan(value)])
+
+
+def adrift(state: State) -> frozenset[int]:
+    """The rows whose true machine coordinate is not known, though their program coordinate may be."""
+    system = _system(state)
+    shift = state.shift if state.shift_active else [0.0] * len(system)
+    untold = (
+        row for row, parts in enumerate(zip(system, shift, state.tool_offset, strict=True)) if any(map(isnan, parts))
+    )
+    return state.adrift.union(untold)
+
+
+def _leave_shift(state: State, rows: Iterable[int]) -> frozenset[int]:
+    """The shift of these axes becomes another one: those that it had anchored are not known then. Gives these."""
+    shift = state.shift if state.shift_active else [0.0] * len(state.axes)
+    left = frozenset(row for row in rows if row in state.adrift or isnan(shift[row]))
+    state.adrift -= left
+    _lose(state, list(left))
+    return left
 
 
 def set_system(state: State, system: int, named: Named) -> None:
@@ -82,24 +109,23 @@ def set_system_here(state: State, system: int, named: Named) -> None:
     system = system or state.system
     active = _system(state)
     after = list(state.systems.get(system, [nan] * len(state.axes)))
-    position = list(state.position)
+    position, untold = list(state.position), adrift(state)
     for row, value in named.items():
         others = state.frame[row] - _known(active[row])
-        sound = not isnan(active[row]) and not isnan(position[row])
-        if sound:
+        if row not in untold and not isnan(position[row]):
             after[row] = position[row] - others - value
-        elif system == state.system:
-            # The machine coordinate was counted without an offset, or not at all: it is anchored anew.
-            position[row] = value + state.frame[row]
-        else:
-            after[row] = nan
+            continue
+        # What the machine stands at is not known, so the offset is not either.
+        after[row] = nan
+        if system == state.system:
+            position[row] = value + others
     state.systems[system], state.position = after, position
     state.refresh_frame()
 
 
 def set_tool_length(state: State, tool: int, named: Named, radius: float | None) -> None:
     """G10 L1: the offsets and the radius of a tool in the table."""
-    offsets = list(state.tools.get(tool, [nan] * len(state.axes)))
+    offsets = list(state.tools.get(tool) or untold_tool(state))
     for row, value in named.items():
         offsets[row] = value
     state.tools[tool] = offsets
@@ -107,15 +133,16 @@ def set_tool_length(state: State, tool: int, named: Named, radius: float | None)
         state.diameters[tool] = 2 * radius
 
 
-def use_tool_length(state: State, tool: int | None, length_row: int | None, *, add: bool = False) -> None:
-    """G43 and G43.2: the offsets of a tool in the table. Of a tool that is not in it only Z can be off."""
+def untold_tool(state: State) -> list[float]:
+    """A tool that nobody has measured: only its length along Z can be off."""
+    return [nan if axis == "Z" else 0.0 for axis in state.axes]
+
+
+def use_tool_length(state: State, tool: int | None, *, add: bool = False) -> None:
+    """G43 and G43.2: the offsets of a tool in the table; tool 0 is none."""
     found = [0.0] * len(state.axes)
     if tool != 0:
-        entry = state.tools.get(-1 if tool is None else tool)
-        if entry is not None:
-            found = list(entry)
-        elif length_row is not None:
-            found[length_row] = nan
+        found = list(state.tools.get(-1 if tool is None else tool) or untold_tool(state))
     if add:
         found = [one + other for one, other in zip(state.tool_offset, found, strict=True)]
     change_tool_offset(state, found)
@@ -148,6 +175,6 @@ def _known(offset: float) -> float:
 
 def forget_shift(state: State, rows: list[int]) -> None:
     """Homing has set these axes anew: program and machine coordinates are one again."""
-    if any(state.shift[row] for row in rows):
-        state.shift = [0.0 if row in rows else value for row, value in enumerate(state.shift)]
-        state.refresh_frame()
+    state.shift = [0.0 if row in rows else value for row, value in enumerate(state.shift)]
+    state.adrift = state.adrift.difference(rows)
+    state.refresh_frame()

@@ -134,9 +134,11 @@ Feature = Literal[
     "diameter",
     "incremental_uw",
     "strict_words",
+    "cancel_with_motion",
 ]
 """What a controller can do beyond single codes. `strict_words`: a word that nothing uses is an error, not ignored;
-`cycle_end_unknown`: where a canned cycle leaves Z is not documented; `incremental_uw`: U and W are X and Z in steps."""
+`cycle_end_unknown`: where a canned cycle leaves Z is not documented; `incremental_uw`: U and W are X and Z in steps;
+`cancel_with_motion`: G80 may stand beside another motion code."""
 
 
 class ProfileError(ValueError):

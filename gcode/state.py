@@ -17,6 +17,7 @@ class State:
     `tool` is in the spindle, `selected` is what T named last. `cycle` holds the sticky words of a canned cycle, in mm.
     `position` is replaced, never edited. `systems`, `tools`, `homes` hold what is known: an entry that is absent or
     NaN is an offset that nobody has told, and counts as 0 in `frame`. `diameters` are those of the tools.
+    `adrift`: rows of axes whose machine coordinate is counted from an unknown origin since G92 or G10 L20 anchored it.
     `radius` is the tool's for compensation. `sync`: the controller's queue runs dry before the next motion.
     """
 
@@ -51,6 +52,7 @@ class State:
     diameters: dict[int, float] = field(default_factory=dict)
     radius: float | None = None
     diameter_mode: bool = False
+    adrift: frozenset[int] = frozenset()
     saved: "State | None" = None
     sync: bool = False
     ended: bool = False
