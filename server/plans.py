@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
-from gcode.check import check_program
+from gcode.check import check_source
 from gcode.interpret import segments_of
 from gcode.lines import pieces
 from gcode.motion import Motion
@@ -25,6 +25,9 @@ from server.config import MachineConfig
 PREVIEW_BATCHES = 3
 PREVIEW_BLOCKS = 40
 
+RATELESS = ("sim:", "tcp:")
+"""Ports without a baud rate."""
+
 
 @dataclass(frozen=True, slots=True)
 class Workpiece:
@@ -36,6 +39,8 @@ class Workpiece:
     compact: bool
     convert_inches: bool
     encoding: str
+    baud: int | None = None
+    """Of a serial port; a network has no rate to hold a program against."""
 
     @classmethod
     def of(cls, config: MachineConfig) -> "Workpiece":
@@ -48,6 +53,7 @@ class Workpiece:
             elvinto.compact,
             elvinto.convert_inches,
             elvinto.encoding,
+            None if config.port.startswith(RATELESS) else config.baud,
         )
 
 
@@ -108,14 +114,14 @@ class Planning:
 
     def check(self, piece: Workpiece, program: str) -> dict[str, Any]:
         """The report of the check before a run, as JSON."""
-        lines = (raw for _, raw in self._programs.lines(program))
-        report = check_program(
-            lines,
+        report = check_source(
+            self._programs.chunks(program),
             piece.profile,
             piece.motion,
             convert_inches=piece.convert_inches,
             max_block_bytes=piece.limits.max_batch_bytes,
             encoding=piece.encoding,
+            baud=piece.baud,
         )
         return report.to_json()
 

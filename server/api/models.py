@@ -267,8 +267,24 @@ class Finding(BaseModel):
     count: int
 
 
+class ToolUseView(BaseModel):
+    """What one tool does; -1 before the first tool change. Ways in mm, time in s."""
+
+    model_config = example(tool=1, cut_mm=2210.0, rapid_mm=640.0, seconds=312.4)
+    tool: int
+    cut_mm: float
+    rapid_mm: float
+    seconds: float
+
+
 class CheckView(BaseModel):
-    """What the check says. Bounds and ways in mm, `feeds` in mm/min."""
+    """What the check says. Bounds (program coordinates) and ways in mm, `feeds` in mm/min, `spindle` in rpm.
+
+    `cut_mm` are all feed moves, `plunge_mm` those of them that go straight down. `shortest_mm` and `median_mm` are of
+    the moves that cut. `wire_bytes` go out to the machine; `link_seconds` is what its serial link needs for them at
+    least, null without one. `encoding`, `line_ends`, `bytes` and `sha256` are of the file. A value that the program
+    does not have is null.
+    """
 
     model_config = example(
         errors=[],
@@ -282,6 +298,21 @@ class CheckView(BaseModel):
         rapid_mm=640.0,
         tools=[1],
         feeds=[800.0],
+        plunge_mm=24.0,
+        segments=1150,
+        arcs=16,
+        shortest_mm=0.2,
+        median_mm=1.6,
+        spindle=[12000.0, 12000.0],
+        dwell_seconds=0.0,
+        seconds_overridden=None,
+        wire_bytes=24310,
+        link_seconds=2.1,
+        by_tool=[{"tool": 1, "cut_mm": 2210.0, "rapid_mm": 640.0, "seconds": 312.4}],
+        encoding="ascii",
+        line_ends="lf",
+        bytes=31870,
+        sha256=PROGRAM_ID,
     )
     errors: list[Finding]
     warnings: list[Finding]
@@ -290,6 +321,25 @@ class CheckView(BaseModel):
     seconds: float
     lines: int
     blocks: int
+    cut_mm: float
+    rapid_mm: float
+    tools: list[int]
+    feeds: list[float]
+    plunge_mm: float
+    segments: int
+    arcs: int
+    shortest_mm: float | None
+    median_mm: float | None
+    spindle: list[float] | None
+    dwell_seconds: float
+    seconds_overridden: float | None
+    wire_bytes: int
+    link_seconds: float | None
+    by_tool: list[ToolUseView]
+    encoding: str | None
+    line_ends: str | None
+    bytes: int | None
+    sha256: str | None
 
 
 # --- jobs -----------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gcode.check import check_program
+from gcode.check import CheckOptions, check_source
 from gcode.findings import Finding, Report
 from gcode.lines import split_lines
 from gcode.motion import Motion
@@ -25,6 +25,10 @@ ProfileName = Annotated[str, typer.Option("--profile", "-p", help="The controlle
 MotionPath = Annotated[Path | None, typer.Option("--motion", help="TOML with a table [motion], as [machine.motion].")]
 BlockDelete = Annotated[bool, typer.Option("--block-delete", help="Leave out blocks that begin with '/'.")]
 ConvertInches = Annotated[bool, typer.Option("--convert-inches", help="Convert G20 programs to mm.")]
+Baud = Annotated[int | None, typer.Option("--baud", min=300, help="Say where a link of so many bit/s is too slow.")]
+Override = Annotated[int, typer.Option(min=10, max=200, help="Percent; the time with it is told beside the other.")]
+
+PERCENT = 100
 
 
 def register(app: typer.Typer) -> None:
@@ -39,10 +43,20 @@ def check(
     motion: MotionPath = None,
     block_delete: BlockDelete = False,
     convert_inches: ConvertInches = False,
+    baud: Baud = None,
+    feed_override: Override = PERCENT,
+    rapid_override: Override = PERCENT,
     as_json: Json = False,
 ) -> None:
     """Check a program for a controller; exit code 1 when it has errors."""
-    report = _report(file, _profile(profile), _motion(motion), block_delete=block_delete, convert_inches=convert_inches)
+    options = CheckOptions(
+        block_delete=block_delete,
+        convert_inches=convert_inches,
+        baud=baud,
+        feed_override=feed_override / PERCENT,
+        rapid_override=rapid_override / PERCENT,
+    )
+    report = check_source(_chunks(file), _profile(profile), _motion(motion), **options)
     if as_json:
         say_json(report.to_json())
     else:
@@ -65,7 +79,7 @@ def translate(
 ) -> None:
     """Print what would go out on the wire, a block a line (with --json a batch a line)."""
     controller, axes = _profile(profile), _motion(motion)
-    report = _report(file, controller, axes, block_delete=block_delete, convert_inches=convert_inches)
+    report = check_source(_chunks(file), controller, axes, block_delete=block_delete, convert_inches=convert_inches)
     if not report.ok:
         for finding in report.errors:
             warn(_sentence(file, "error", finding))
@@ -74,7 +88,7 @@ def translate(
             ExitCode.FAILED, detail, {"code": "preflight_failed", "detail": detail, "report": report.to_json()}
         )
     planner = BatchPlanner(
-        enumerate(_lines(file), 1),
+        enumerate(split_lines(_chunks(file)), 1),
         controller,
         axes,
         ElvintoConfig().limits(),
@@ -123,21 +137,13 @@ def safe_lines(text: str) -> str:
     return "\n".join(map(safe, text.splitlines()))
 
 
-def _report(file: Path, profile: Profile, motion: Motion, *, block_delete: bool, convert_inches: bool) -> Report:
-    lines = _lines(file)
-    return check_program(lines, profile, motion, block_delete=block_delete, convert_inches=convert_inches)
-
-
-def _lines(file: Path) -> Iterator[bytes]:
-    def chunks() -> Iterator[bytes]:
-        try:
-            with file.open("rb") as opened:
-                while chunk := opened.read(CHUNK_BYTES):
-                    yield chunk
-        except OSError as error:
-            raise CliError(ExitCode.USAGE, f"{safe(file)}: cannot be read: {error.strerror}") from error
-
-    return split_lines(chunks())
+def _chunks(file: Path) -> Iterator[bytes]:
+    try:
+        with file.open("rb") as opened:
+            while chunk := opened.read(CHUNK_BYTES):
+                yield chunk
+    except OSError as error:
+        raise CliError(ExitCode.USAGE, f"{safe(file)}: cannot be read: {error.strerror}") from error
 
 
 def _sentence(file: Path, level: str, finding: Finding) -> str:
@@ -148,16 +154,29 @@ def _sentence(file: Path, level: str, finding: Finding) -> str:
 
 def _summary(report: Report) -> str:
     bounds = "  ".join(f"{axis.upper()} {low:.3f} to {high:.3f}" for axis, (low, high) in report.bounds.items())
-    minutes, seconds = divmod(round(report.seconds), 60)
     counts = ", ".join(
         f"{sum(one.count for one in found)} {word}"
         for word, found in (("errors", report.errors), ("warnings", report.warnings))
     )
     parts = [
-        f"{report.lines} lines, {report.blocks} blocks, about {minutes}:{seconds:02d} min",
-        f"cut {report.cut_mm:.1f} mm, rapid {report.rapid_mm:.1f} mm",
+        f"{report.lines} lines, {report.blocks} blocks, about {_minutes(report.seconds)} min{_overridden(report)}",
+        f"cut {report.cut_mm:.1f} mm, rapid {report.rapid_mm:.1f} mm, plunge {report.plunge_mm:.1f} mm",
         f"bounds mm: {bounds or 'nothing moves'}",
         f"tools: {', '.join(map(str, report.tools)) or 'none named'}",
+        f"file: {report.bytes} bytes, {report.encoding}, line ends {report.line_ends}",
         counts,
     ]
+    if report.median_mm is not None and report.shortest_mm is not None:
+        lengths = f"shortest {report.shortest_mm:.4f} mm, median {report.median_mm:.3f} mm"
+        parts.insert(2, f"{report.segments} segments, {report.arcs} arcs, {lengths}")
     return "\n".join(parts)
+
+
+def _minutes(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}"
+
+
+def _overridden(report: Report) -> str:
+    told = report.seconds_overridden
+    return "" if told is None else f" ({_minutes(told)} min with the overrides)"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from server.api.models import CheckView
 from tests.server.cli.conftest import Run
 
 GOOD = b"G21 G90 (metric)\nN10 G28\nG1 X10.000 F600\nG1 X20 F600\nM30\n"
@@ -49,7 +50,18 @@ def test_check_as_json_has_the_keys_of_the_contract(millstream: Run, file: Path)
         "feeds",
     }
     assert set(report) >= keys
+    assert set(report) == set(CheckView.model_fields)
     assert report["bounds"]["x"][1] == 20.0
+
+
+def test_check_with_overrides_and_a_link(millstream: Run, file: Path) -> None:
+    outcome = millstream("check", file, "-p", "elvinto", "--feed-override", "200", "--baud", "9600", "--json")
+    report = json.loads(outcome.out)
+    assert report["seconds_overridden"] < report["seconds"]
+    assert report["link_seconds"] == report["wire_bytes"] * 10 / 9600
+    outcome = millstream("check", file, "-p", "elvinto", "--rapid-override", "50")
+    assert "min with the overrides" in outcome.out
+    assert f"file: {len(GOOD)} bytes, ascii, line ends lf" in outcome.out
 
 
 def test_check_as_json_is_1_with_errors(millstream: Run, file: Path) -> None:
