@@ -73,7 +73,8 @@ def extremes_of(centre: Floats, radius: Floats, sweep: Floats, way: Floats) -> t
     # The box is touched where the circle crosses an axis through its centre: at whole quarters.
     for quarter, (axis, sign) in enumerate(((0, 1.0), (1, 1.0), (0, -1.0), (1, -1.0))):
         angle = quarter * _QUARTER
-        crossed = low_angle + ((angle - low_angle) % _TURN) <= high_angle
+        turned = (angle - low_angle) % _TURN
+        crossed = (turned > 0.0) & (turned < high_angle - low_angle)
         reach = centre[axis] + sign * radius
         if sign > 0:
             high[axis] = np.where(crossed, np.maximum(high[axis], reach), high[axis])

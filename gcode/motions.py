@@ -140,6 +140,8 @@ def _arc_words(executor: Executor, work: Work, way: tuple[float, float], rows: t
         names = " or ".join(letters)
         executor.note(work, "arc_without_centre", f"an arc without {names} or R")
         return ArcWords(state.plane, way, (nan, nan), None, count)
+    if "other_offsets" in executor.profile.features:
+        work.used.update("IJK")
     if not state.arc_absolute:
         return ArcWords(state.plane, way, (found[0] or 0.0, found[1] or 0.0), None, count)
     if any(value is None for value in found):

@@ -135,10 +135,12 @@ Feature = Literal[
     "incremental_uw",
     "strict_words",
     "cancel_with_motion",
+    "other_offsets",
 ]
 """What a controller can do beyond single codes. `strict_words`: a word that nothing uses is an error, not ignored;
 `cycle_end_unknown`: where a canned cycle leaves Z is not documented; `incremental_uw`: U and W are X and Z in steps;
-`cancel_with_motion`: G80 may stand beside another motion code."""
+`cancel_with_motion`: G80 may stand beside another motion code; `other_offsets`: an arc may have I, J or K of the axis
+that stands on its plane, for nothing."""
 
 
 class ProfileError(ValueError):

@@ -1,12 +1,24 @@
 """Arcs: lengths, sweeps and extremes against walking along them."""
 
-from math import cos, hypot, isclose, pi, sin
+from math import cos, hypot, isclose, nan, pi, sin
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from gcode.arcs import Arc, arc_from_offsets, arc_from_radius
+from gcode.arcs import (
+    Arc,
+    arc_from_offsets,
+    arc_from_radius,
+    arcs_from_offsets,
+    arcs_from_radius,
+    extremes_of,
+    reach,
+)
+from gcode.interpreter import Interpreter
+from gcode.profile import load_profile
+from gcode.words import parse_block
 from tests.harness.programs import thorough
 
 lengths = st.floats(-100, 100).map(lambda value: round(value, 3))
@@ -76,3 +88,85 @@ def test_radius_form_chooses_by_its_sign(x: float, y: float, factor: float, cloc
     assert isclose(arc.end_radius, abs(radius), rel_tol=1e-6)
     assert (abs(arc.sweep) > pi) == negative
     assert (arc.sweep < 0) == clockwise
+
+
+# --- columns ------------------------------------------------------------------------------------------------------
+
+
+def columns(*arcs: Arc) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Way, centre, radius, sweep of these arcs."""
+    way = np.array([arc.way for arc in arcs]).T
+    centre = np.array([arc.centre for arc in arcs]).T
+    return way, centre, np.array([arc.radius for arc in arcs]), np.array([arc.sweep for arc in arcs])
+
+
+@given(st.lists(st.tuples(lengths, lengths, lengths, lengths, st.booleans()), min_size=1, max_size=6))
+@thorough
+def test_columns_are_the_same_arcs(words: list[tuple[float, float, float, float, bool]]) -> None:
+    arcs = [arc_from_offsets(word[:2], word[2:4], clockwise=word[4]) for word in words]
+    way, centre = np.array([word[:2] for word in words]).T, np.array([word[2:4] for word in words]).T
+    found = arcs_from_offsets(way, centre, np.array([word[4] for word in words]))
+    for n, arc in enumerate(arcs):
+        if arc is None:
+            assert np.isnan(found[3][n])
+            continue
+        assert (found[1][n], found[2][n]) == pytest.approx((arc.radius, arc.end_radius))
+        assert found[3][n] == pytest.approx(arc.sweep)
+
+
+@given(st.lists(st.tuples(st.floats(0.5, 50), angles, angles, st.booleans()), min_size=1, max_size=6))
+@thorough
+def test_columns_reach_as_far(shapes: list[tuple[float, float, float, bool]]) -> None:
+    arcs = []
+    for radius, begin, turn, clockwise in shapes:
+        end = begin - turn if clockwise else begin + turn
+        start = (radius * cos(begin), radius * sin(begin))
+        way = (radius * cos(end) - start[0], radius * sin(end) - start[1])
+        arc = arc_from_offsets(way, (-start[0], -start[1]), clockwise=clockwise)
+        assert arc is not None
+        arcs.append(arc)
+    way, centre, radii, sweep = columns(*arcs)
+    low, high = extremes_of(centre, radii, sweep, way)
+    for n, arc in enumerate(arcs):
+        assert low[:, n].tolist() == pytest.approx(arc.extremes()[0], abs=1e-6)
+        assert high[:, n].tolist() == pytest.approx(arc.extremes()[1], abs=1e-6)
+
+
+@given(lengths, lengths, lengths, st.booleans())
+@thorough
+def test_columns_by_radius_are_the_same_arcs(x: float, y: float, radius: float, clockwise: bool) -> None:
+    arc = arc_from_radius((x, y), radius, clockwise=clockwise)
+    found = arcs_from_radius(np.array([[x], [y]]), np.array([radius]), np.array([clockwise]))
+    if arc is None:
+        assert np.isnan(found).all()
+    else:
+        assert found[:, 0].tolist() == pytest.approx(arc.centre, abs=1e-9)
+
+
+def test_turns_and_what_is_not_known() -> None:
+    way = np.array([[0.0, 10.0, nan, 0.0], [0.0, 10.0, 0.0, 0.0]])
+    centre = np.array([[5.0, 0.0, 1.0, 0.0], [0.0, 10.0, 1.0, 0.0]])
+    _, radius, _, sweep = arcs_from_offsets(way, centre, np.array([True, False, True, False]), np.array([3, 2, 1, 1]))
+    assert sweep == pytest.approx([-6 * pi, pi / 2 + 2 * pi, nan, nan], nan_ok=True)
+    assert radius == pytest.approx([5, 10, nan, nan], nan_ok=True)
+
+
+def test_a_circle_whose_end_is_rounded_is_a_full_one() -> None:
+    for end in (1e-10, -1e-10, 1e-7):
+        way, centre = np.array([[0.0], [end]]), np.array([[5.0], [0.0]])
+        for clockwise in (True, False):
+            sweep = arcs_from_offsets(way, centre, np.array([clockwise]))[3]
+            assert abs(sweep[0]) == pytest.approx(2 * pi, abs=1e-6)
+
+
+def test_the_reach_of_segments() -> None:
+    interpreter = Interpreter(load_profile("rs274ngc"))
+    for number, line in enumerate(("G18 G0 X10 Y1 Z0", "G3 X10 Z0 I-10 F9 Y4", "G1 X3", "G17 G2 X3 Y-2 R1"), 1):
+        interpreter.step(number, parse_block(line))
+    low, high = reach(interpreter.take())
+    assert low[:3, 1].tolist() == pytest.approx([-10, 1, -10])
+    assert high[:3, 1].tolist() == pytest.approx([10, 4, 10])
+    # From nowhere to somewhere: only the end counts. And an arc that cannot be is its ends.
+    assert (low[0, 0], high[0, 0]) == (10, 10)
+    assert np.isnan(low[3]).all()
+    assert (low[1, 3], high[1, 3]) == (-2, 4)

@@ -1,5 +1,8 @@
 """The profiles: what the standard's table says is what the file says."""
 
+from importlib import resources
+from pathlib import Path
+
 import pytest
 
 from gcode.profile import ProfileError, load_profile, parse_profile, profile_names
@@ -67,3 +70,85 @@ def test_a_wrong_effect_is_refused() -> None:
         parse_profile(table)
     table["codes"] = {"G1": {"effect": "feed"}}
     assert parse_profile(table).codes["G1"].effect == "feed"
+
+
+# --- the other controllers ------------------------------------------------------------------------------------------
+
+GRBL = (
+    "G0 G1 G2 G3 G4 G10 G17 G18 G19 G20 G21 G28 G28.1 G30 G30.1 G38.2 G38.3 G38.4 G38.5 G40 G43.1 G49 G53 G54 G55 G56 "
+    "G57 G58 G59 G61 G80 G90 G91 G91.1 G92 G92.1 G93 G94 M0 M1 M2 M3 M4 M5 M7 M8 M9 M30 M56"
+)
+"""grbl II.10."""
+
+MORE_IN_GRBLHAL = (
+    "G5 G5.1 G33 G43 G50 G51 G65 G73 G76 G81 G82 G83 G85 G86 G89 G95 G96 G97 G98 G99 G59.1 G59.2 G59.3 M6 M61"
+)
+MORE_IN_GRBLHAL += " M62 M63 M64 M65 M66 M67 M68 M70 M71 M72 M73 M99"
+
+
+def test_the_five_profiles() -> None:
+    assert profile_names() == ["elvinto", "grbl-1.1", "grblhal", "ncframe-lathe", "rs274ngc"]
+    assert {name: load_profile(name).max_block_bytes for name in profile_names()} == {
+        "elvinto": 512,
+        "grbl-1.1": 79,
+        "grblhal": 255,
+        "ncframe-lathe": 255,
+        "rs274ngc": 255,
+    }
+
+
+def test_codes_of_grbl() -> None:
+    assert set(load_profile("grbl-1.1").codes) == set(GRBL.split())
+    assert set(load_profile("grblhal").codes) >= set(f"{GRBL} {MORE_IN_GRBLHAL}".split())
+    assert set(load_profile("rs274ngc").codes) >= set(GRBL.split()) - {"M56"}
+
+
+def test_bytes_that_act_at_once() -> None:
+    realtime = load_profile("grbl-1.1").realtime
+    assert {0x18, *b"?!~", 0x84, 0xF0} <= realtime
+    assert not realtime & set(b"GXYZ0123456789.-()% ")
+    assert load_profile("elvinto").realtime == frozenset()
+
+
+def test_every_letter_that_a_code_wants_is_accepted() -> None:
+    for name in profile_names():
+        profile = load_profile(name)
+        assert {axis.upper() for axis in profile.axes} <= profile.letters
+        assert not profile.letters & profile.code_letters
+        assert set(profile.ranges) <= profile.letters | profile.code_letters
+        assert all(code[0] in profile.code_letters for code in profile.codes)
+
+
+def test_profiles_of_the_user_come_first(tmp_path: Path) -> None:
+    source = (resources.files("gcode") / "profiles" / "grbl-1.1.toml").read_text(encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(source.replace('"Grbl 1.1"', '"My own"'), encoding="utf-8")
+    (tmp_path / "elvinto.toml").write_text(source.replace('"Grbl 1.1"', '"Another"'), encoding="utf-8")
+    assert load_profile("mine", tmp_path).title == "My own"
+    assert load_profile("elvinto", tmp_path).title == "Another"
+    assert load_profile("elvinto").title != "Another"
+    assert load_profile("rs274ngc", tmp_path).name == "rs274ngc"
+    assert "mine" in profile_names(tmp_path)
+    with pytest.raises(ProfileError, match="mine"):
+        load_profile("yours", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('"strict_words"', '"telepathy"'),
+        ("[letters]", "[letter]"),
+        ("plane = 17", 'plane = "G17"'),
+        ("plane = 17", "speed_of_light = 17"),
+        ('sets = "plane_xy"', 'sets = "sideways"'),
+        ('sync = "always"', 'sync = "sometimes"'),
+        ('effect = "rapid"', "effect = 7"),
+        ("F = [0.0, 1000000000.0]", "F = [0.0]"),
+        ('name = "grbl-1.1"', "\x00"),
+    ],
+)
+def test_a_wrong_file_says_so(before: str, after: str, tmp_path: Path) -> None:
+    source = (resources.files("gcode") / "profiles" / "grbl-1.1.toml").read_text(encoding="utf-8")
+    assert before in source
+    (tmp_path / "wrong.toml").write_text(source.replace(before, after), encoding="utf-8")
+    with pytest.raises(ProfileError, match="wrong"):
+        load_profile("wrong", tmp_path)
