@@ -1,16 +1,20 @@
 """Programs as people have them: every file is read, every word is understood or reported. Skipped without the files."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 
 import pytest
 
 from gcode.check import check_program
+from gcode.check.words import judge
 from gcode.compact import Compactor
 from gcode.lines import split_lines
 from gcode.modal import Tracker
 from gcode.motion import Motion
+from gcode.profile import load_profile, profile_names
 from gcode.words import decode_line, parse_block, parse_carefully
+from tests.gcode.corpus_findings import HEAD, TABLE, begin_of, rows_of
 from tests.harness.programs import FITTING_FILES, corpus_files, elvinto
 
 MAX_LINES = 2_500
@@ -55,6 +59,34 @@ def test_every_file_can_be_checked() -> None:
         # What the table does not have is never passed over.
         if path.name == "gsender_invalid_gcode.nc":
             assert {"unknown_word", "bad_number", "unknown_code"} <= {finding.code for finding in report.errors}
+
+
+@pytest.mark.slow
+def test_no_word_of_any_file_is_passed_over_with_any_profile() -> None:
+    for path in corpus_files():
+        lines = lines_of(path.name, begin_of(path))[:300]
+        words = [(word.letter, word.code) for raw in lines for word in parse_block(decode_line(raw)).words]
+        for name in profile_names():
+            profile = load_profile(name)
+            expected: Counter[str] = Counter()
+            for letter, code in words:
+                if verdict := judge(profile, code if letter in profile.code_letters else letter):
+                    expected[verdict[1]] += 1
+            report = check_program(lines, profile)
+            counted: Counter[str] = Counter()
+            for finding in (*report.errors, *report.warnings):
+                if finding.code in ("unknown_word", "unknown_code", "ignored", "differs"):
+                    counted[finding.code] += finding.count
+            assert counted == expected, (path.name, name)
+
+
+@pytest.mark.slow
+def test_what_the_check_says_of_real_files_changes_only_on_purpose() -> None:
+    head, *expected = TABLE.read_text(encoding="utf-8").splitlines(keepends=True)
+    assert head == HEAD
+    found = [row for path in corpus_files() for row in rows_of(path)]
+    said = "run `python -m tests.gcode.corpus_findings > tests/gcode/corpus_findings.tsv` and look at the difference"
+    assert found == expected, said
 
 
 @pytest.mark.slow
