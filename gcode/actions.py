@@ -17,15 +17,8 @@ Action = Callable[[Executor, Work, Code], None]
 
 TAKES_AXES = frozenset(
     (
-        "home",
-        "home_and_back",
-        "set_position",
-        "mill_plane",
-        "set_data",
-        "go_home",
-        "go_second_home",
-        "local_shift",
-        "length_direct",
+        *("home", "home_and_back", "set_position", "mill_plane", "set_data", "go_home", "go_second_home"),
+        *("local_shift", "length_direct"),
     )
 )
 """Effects that take the block's axis words for themselves, or, as elvinto's G28, for nothing."""

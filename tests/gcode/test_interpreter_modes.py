@@ -11,7 +11,7 @@ from gcode.interpreter import Interpreter, power_on
 from gcode.profile import load_profile, profile_names
 from gcode.segments import CCW, CW, FEED, PROBE, RAPID, Segments
 from gcode.words import parse_block
-from tests.harness.programs import thorough
+from tests.harness.programs import quick
 
 
 def machine(*lines: str, profile: str = "grbl-1.1", at: float = 0.0) -> Interpreter:
@@ -183,7 +183,7 @@ random_blocks = st.lists(st.builds(lambda letter, value: letter + value, letters
 
 @pytest.mark.parametrize("profile", profile_names())
 @given(lines=st.lists(random_blocks | st.text(max_size=12), max_size=12), known=st.booleans(), laser=st.booleans())
-@thorough
+@quick
 def test_any_block_can_be_executed(profile: str, lines: list[str], known: bool, laser: bool) -> None:
     state = power_on(load_profile(profile))
     if known:
