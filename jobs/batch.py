@@ -5,27 +5,20 @@ where there is a choice a batch ends where it can be told, after a crash, from t
 before it began (elvinto §5.4).
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
-from math import inf
+from math import isnan
 
-from gcode.clean import clean
-from gcode.compact import Compactor
-from gcode.inches import InchConverter
-from gcode.modal import Modal, Tracker
+from gcode.interpreter import power_on
 from gcode.motion import Motion
 from gcode.profile import Profile
-from gcode.words import Block, code_name, decode_line, parse_block
+from gcode.state import State
+from jobs.upcoming import LINES_AT_ONCE, BlockReader, PlanError, Rules, Upcoming
 from protocol.commands import Position
 from protocol.errors import LocalError
 
-
-class PlanError(LocalError):
-    """A line that cannot be sent. The check before the run reports it first; here it is the last guard."""
-
-    def __init__(self, line: int, reason: str) -> None:
-        super().__init__(f"line {line}: {reason}")
-        self.line = line
+Place = tuple[float, ...]
+"""Program coordinates in the order of the state's axes, NaN where one is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,28 +57,6 @@ class PlannedBatch:
     tool_change: bool = False
 
 
-@dataclass(slots=True)  # not frozen: that doubles the time of making one, and there is one a block
-class _Item:
-    """A block that is ready to go. `cost_s` counts against the bound: without end where its length is unknown."""
-
-    line: int
-    text: str
-    seconds: float
-    cost_s: float
-    moves: bool
-    start: Position
-    end: Position
-    barrier: "_Barrier | None"
-    tool: int | None
-
-
-@dataclass(frozen=True, slots=True)
-class _Barrier:
-    locate: bool = False
-    ends_program: bool = False
-    tool_change: bool = False
-
-
 class BatchPlanner:
     """Plans one program, once, from its lines. Nothing is read beyond a barrier before the batch after it is wanted.
 
@@ -109,52 +80,45 @@ class BatchPlanner:
         skip_to: int = 1,
         encoding: str = "utf-8",
     ) -> None:
-        self._lines = iter(lines)
-        self._profile = profile
+        rules = Rules(profile, motion, limits.max_batch_bytes, compact, block_delete, convert_inches, encoding)
+        state = power_on(profile)
+        state.absolute = absolute
+        state.locate(dict(position or {}))
+        self._reader = BlockReader(lines, rules, state, skip_to=skip_to)
         self._limits = limits
-        self._tracker = Tracker(profile, motion, position, absolute=absolute)
-        self._compactor = Compactor(profile) if compact else None
-        self._inches = InchConverter() if convert_inches else None
-        self._block_delete = block_delete
-        self._encoding = encoding
-        self._skip_to = skip_to
-        self._unread: tuple[int, bytes] | None = None
-        self._skipped = False
-        self._ahead: list[_Item] = []
-        self._ended = False
-        self.reading = False
+        self._ahead: list[Upcoming] = []
+        self._before: Place | None = None
+        self._previous_start: Place | None = None
         self._broken: PlanError | OSError | None = None
-        self._previous_start: Position | None = None
+        self.reading = False
 
     @property
     def position(self) -> Position:
         """Where the machine will stand after everything that has been planned and read ahead."""
-        self._skip()
-        return self._tracker.position
+        return self.state.place()
 
     @property
-    def modal(self) -> Modal:
-        """The modal state there."""
-        self._skip()
-        return self._tracker.modal
+    def state(self) -> State:
+        """The state there."""
+        self._reader.skip()
+        return self._reader.state
 
     @property
     def in_inches(self) -> bool:
-        """Whether the program is in G20 there and being converted; `modal` and all that is planned is in mm."""
-        self._skip()
-        return self._inches is not None and self._inches.active
+        """Whether the program is in G20 there and being converted; `state` and all that is planned is in mm."""
+        self._reader.skip()
+        return self._reader.in_inches
 
     def relocate(self, position: Position) -> None:
         """The machine's own account of its position: before the first batch, or after a barrier.
 
         Raises LocalError anywhere else, as blocks have been read ahead from another position.
         """
-        self._skip()
+        self._reader.skip()
         if self._ahead:
             raise LocalError("relocate in the middle of blocks that are already planned")
-        self._tracker.position = dict(position)
-        if self._compactor:
-            self._compactor.forget()
+        self._reader.relocate(position)
+        self._before = None
 
     def next(self, most_lines: int | None = None) -> PlannedBatch | None:
         """The next batch; None at the end of the program.
@@ -176,69 +140,25 @@ class BatchPlanner:
 
     # --- reading ------------------------------------------------------------------------------------------------
 
-    def _skip(self) -> None:
-        if self._skipped:
-            return
-        self._skipped = True
-        for line, raw in self._lines:
-            if line >= self._skip_to:
-                self._unread = (line, raw)
-                return
-            block = self._read(raw)
-            if block.words:
-                self._tracker.step(block)
-
-    def _read(self, raw: bytes) -> Block:
-        block = parse_block(decode_line(raw, self._encoding))
-        if self._block_delete and block.deleted:
-            return Block((), True, (), block.text)
-        return self._inches.convert(block) if self._inches else block
-
-    def _blocks(self) -> Iterator[tuple[int, Block]]:
-        self._skip()
-        if self._unread is not None:
-            (line, raw), self._unread = self._unread, None
-            yield line, self._read(raw)
-        for line, raw in self._lines:
-            yield line, self._read(raw)
-
     def _fill(self, most_lines: int | None) -> bool:
         """Reads until a bound is passed, a barrier stands there, or the program ends; False: there is more to read."""
         ahead = self._ahead
-        if self._ended or (ahead and ahead[-1].barrier):
-            return True
         load = _Load(self._limits)
         for item in ahead:
             load.add(item)
-        if not load.fits:
-            return True
-        for count, (line, block) in enumerate(self._blocks(), 1):
-            if (found := self._item(line, block)) is not None:
-                ahead.append(found)
-                load.add(found)
-                if found.barrier or not load.fits:
-                    return True
-            if count == most_lines:
+        left = LINES_AT_ONCE if most_lines is None else most_lines
+        while load.fits and not (ahead and ahead[-1].barrier) and not self._reader.ended:
+            if left <= 0:
                 return False
-        self._ended = True
+            if self._before is None:
+                self._before = self._reader.place
+            found, lines = self._reader.more(left)
+            ahead += found
+            for item in found:
+                load.add(item)
+            if most_lines is not None:
+                left -= lines
         return True
-
-    def _item(self, line: int, block: Block) -> _Item | None:
-        if block.faults:
-            fault = block.faults[0]
-            raise PlanError(line, f"column {fault.column}: {fault.message}")
-        text = self._compactor.compact(block) if self._compactor else clean(block)
-        if not text:
-            return None
-        if len(text) > self._limits.max_batch_bytes:
-            raise PlanError(line, f"the block has {len(text)} bytes, the machine takes {self._limits.max_batch_bytes}")
-        tracker = self._tracker
-        start = tracker.position
-        step = tracker.step(block)
-        barrier = _barrier(block, self._profile)
-        tool = tracker.modal.tool if barrier and barrier.tool_change else None
-        cost_s = step.seconds if step.exact else inf
-        return _Item(line, text, step.seconds, cost_s, step.moves, start, tracker.position, barrier, tool)
 
     # --- choosing where to end ----------------------------------------------------------------------------------
 
@@ -279,28 +199,26 @@ class BatchPlanner:
         several_left = [n for n in told_apart if sum(item.moves for item in self._ahead[n:count]) > 1]
         return (several_left or told_apart)[0]
 
-    def _is_told_apart(self, end: Position) -> bool:
+    def _is_told_apart(self, end: Place) -> bool:
         # Two places, each known to within the tolerance, are apart beyond twice of it.
         apart_mm = 2 * self._limits.position_tolerance_mm
-        starts = (self._ahead[0].start, self._previous_start)
+        starts = (self._before, self._previous_start)
         return all(start is None or _differs(end, start, apart_mm) for start in starts)
 
     def _emit(self, count: int) -> PlannedBatch:
         items = self._ahead[:count]
         del self._ahead[:count]
         first, last = items[0], items[-1]
-        self._previous_start = first.start
-        barrier = first.barrier
-        if barrier and self._compactor:
-            # A person may have been at the machine during it, and its modes are what the next block says.
-            self._compactor.forget()
+        start, barrier = self._before, first.barrier
+        assert start is not None
+        self._previous_start, self._before = start, last.end
         return PlannedBatch(
             first_line=first.line,
             last_line=last.line,
             blocks=tuple([item.text for item in items]),
             seconds=sum([item.seconds for item in items]),
-            start=first.start,
-            end=last.end,
+            start=self._position(start),
+            end=self._position(last.end),
             barrier=barrier is not None,
             locate_after=barrier is not None and barrier.locate,
             ends_program=barrier is not None and barrier.ends_program,
@@ -308,6 +226,10 @@ class BatchPlanner:
             motion=any(item.moves for item in items),
             tool_change=barrier is not None and barrier.tool_change,
         )
+
+    def _position(self, place: Place) -> Position:
+        axes = self._reader.state.axes.lower()
+        return {axis: value for axis, value in zip(axes, place, strict=True) if not isnan(value)}
 
 
 class _Load:
@@ -322,7 +244,7 @@ class _Load:
         self._cost_s = 0.0
         self._timed = 0
 
-    def add(self, item: _Item) -> None:
+    def add(self, item: Upcoming) -> None:
         self._blocks += 1
         self._bytes += len(item.text) + 1
         if item.cost_s > 0.0:
@@ -340,27 +262,6 @@ class _Load:
         )
 
 
-def _barrier(block: Block, profile: Profile) -> _Barrier | None:
-    """What makes `block` travel alone (elvinto §7); None for the many that do not."""
-    found = locate = ends_program = tool_change = False
-    code_letters, barrier_letters, codes = profile.code_letters, profile.barrier_letters, profile.codes
-    for letter, _, text, _ in block.words:
-        if letter in barrier_letters:
-            found = True
-        if letter not in code_letters:
-            continue
-        code = codes.get(code_name(letter, text))
-        if code is None:
-            # Nobody knows what it does, so nothing else may hang on it.
-            found = locate = True
-        elif code.barrier:
-            found = True
-            locate |= code.locate
-            ends_program |= code.effect == "program_end"
-            tool_change |= code.effect == "tool_change"
-    return _Barrier(locate, ends_program, tool_change) if found else None
-
-
-def _differs(one: Position, other: Position, apart_mm: float) -> bool:
-    """Surely two places: a coordinate that is known of both differs."""
-    return any(axis in other and abs(value - other[axis]) > apart_mm for axis, value in one.items())
+def _differs(one: Place, other: Place, apart_mm: float) -> bool:
+    """Surely two places: a coordinate that is known of both differs. (A difference with NaN is never larger.)"""
+    return any(abs(value - before) > apart_mm for value, before in zip(one, other, strict=True))

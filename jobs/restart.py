@@ -7,8 +7,8 @@ set is said again, and where that cannot be said in a block (an arc or a cycle t
 from collections.abc import Iterable, Iterator
 from itertools import chain
 
-from gcode.modal import Modal
 from gcode.profile import Profile
+from gcode.state import State
 from gcode.words import Block, Word, code_name, decode_line, parse_block
 from protocol.errors import MillstreamError
 
@@ -62,23 +62,22 @@ class Switches:
 
 
 def prologue(
-    modal: Modal, switches: Switches, profile: Profile, first: Block | None, *, in_inches: bool = False
+    state: State, switches: Switches, profile: Profile, first: Block | None, *, in_inches: bool = False
 ) -> list[str]:
     """The blocks to send before `first`, the first block that goes out. Raises CannotStartError.
 
     `in_inches`: the program stands in G20 there and is being converted, which these blocks, in mm, must not be.
     """
-    blocks = [] if modal.absolute is None else ["G90" if modal.absolute else "G91"]
-    code = None if modal.motion is None else profile.codes.get(modal.motion)
-    if code is not None and code.effect in SAYABLE:
-        blocks.append(SAYABLE[code.effect])
-    elif code is not None and code.effect != "cancel" and first is not None and not _names_motion(first, profile):
+    blocks = [] if state.absolute is None else ["G90" if state.absolute else "G91"]
+    if state.motion in SAYABLE:
+        blocks.append(SAYABLE[state.motion])
+    elif state.motion not in (None, "cancel") and first is not None and not _names_motion(first, profile):
         raise CannotStartError(
-            f"This line goes on with {modal.motion} of a line before it, which cannot be taken up in the middle. "
+            f"This line goes on with {state.motion_name} of a line before it, which cannot be taken up in the middle. "
             "Start at a line that names its own motion (G0, G1, ...)."
         )
-    if modal.feed_mm_min is not None:
-        blocks.append(f"F{modal.feed_mm_min:g}")
+    if state.feed is not None:
+        blocks.append(f"F{state.feed:g}")
     blocks += switches.blocks()
     return ["G21", *blocks, "G20"] if in_inches else blocks
 

@@ -5,7 +5,7 @@ machine or the database.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
@@ -83,15 +83,15 @@ class Planning:
         switches = Switches(self._lines(row, 1, line - 1), encoding)
         scout = self._planner(piece, switches, absolute=None, skip_to=line)
         first = first_block(self._lines(row, line, last), encoding)
-        modal = scout.modal
-        if modal.absolute is None:
+        state = scout.state
+        if state.absolute is None:
             if absolute is False:
                 raise CannotStartError(
                     "The lines before do not say G90 or G91, and the machine is in G91, perhaps by a command by hand. "
                     "Send G90 by hand if the coordinates of the program are absolute."
                 )
-            modal = replace(modal, absolute=absolute)
-        blocks = prologue(modal, switches, piece.profile, first, in_inches=scout.in_inches)
+            state.absolute = absolute
+        blocks = prologue(state, switches, piece.profile, first, in_inches=scout.in_inches)
         whole = with_prologue(self._lines(row, 1, line - 1), line, blocks, self._lines(row, line, last))
         planner = self._planner(piece, whole, absolute=absolute, skip_to=line - 1)
         planner.relocate(position)
@@ -154,5 +154,5 @@ class Planning:
 
 def _opened(planner: BatchPlanner) -> BatchPlanner:
     """Follows the lines before the first, here in the worker: the loop must not wait for that, nor for the disk."""
-    planner.modal  # noqa: B018 - reads as far as the first line
+    planner.state  # noqa: B018 - reads as far as the first line
     return planner

@@ -17,7 +17,7 @@ def blocks_before(lines: list[str], first: str = "G1 X1", *, convert_inches: boo
     scout = BatchPlanner(
         switches, PROFILE, Motion(), BatchLimits(), skip_to=len(lines) + 1, convert_inches=convert_inches
     )
-    return prologue(scout.modal, switches, PROFILE, parse_block(first), in_inches=scout.in_inches)
+    return prologue(scout.state, switches, PROFILE, parse_block(first), in_inches=scout.in_inches)
 
 
 def test_distance_mode_motion_feed_and_spindle_are_said_again() -> None:

@@ -1,0 +1,299 @@
+"""Lines of a program to blocks that are ready to go: their wire text, how long they take, where they end.
+
+Some hundred lines are worked on at once (numpy), which is what makes it cheap; what comes out is one block after the
+other. Not the batches; that is batch.py. The one rule: nothing behind a barrier is executed, not even in thought,
+before it is asked for, because only the machine can say where it stands then.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import islice
+from math import inf
+
+import numpy as np
+
+from gcode.blocks import Blocks
+from gcode.columns import Columns, read_columns
+from gcode.inches import InchConverter
+from gcode.interpret import Reading
+from gcode.motion import Motion
+from gcode.planner import plan
+from gcode.profile import Profile
+from gcode.segments import DWELL, HOMING, Bools, Floats, Segments
+from gcode.state import State
+from gcode.words import Block
+from gcode.writer import Writer
+from protocol.commands import Position
+from protocol.errors import LocalError
+
+LINES_AT_ONCE = 256
+"""Lines of one go: a millisecond or two, of which most is the same for one line."""
+
+
+class PlanError(LocalError):
+    """A line that cannot be sent. The check before the run reports it first; here it is the last guard."""
+
+    def __init__(self, line: int, reason: str) -> None:
+        super().__init__(f"line {line}: {reason}")
+        self.line = line
+
+
+@dataclass(frozen=True, slots=True)
+class Barrier:
+    """Why a block travels alone (elvinto §7)."""
+
+    locate: bool = False
+    ends_program: bool = False
+    tool_change: bool = False
+
+
+@dataclass(slots=True)  # not frozen: that doubles the time of making one, and there is one a block
+class Upcoming:
+    """A block. `cost_s` counts against the bound of a batch: without end where the length is not known.
+
+    `end`: where the machine stands behind it, program coordinates in the order of the state's axes, NaN unknown.
+    """
+
+    line: int
+    text: str
+    seconds: float
+    cost_s: float
+    moves: bool
+    end: tuple[float, ...]
+    barrier: Barrier | None = None
+    tool: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How a program is read and written. `max_block_bytes`: what one block may have at most."""
+
+    profile: Profile
+    motion: Motion
+    max_block_bytes: int
+    compact: bool = True
+    block_delete: bool = False
+    convert_inches: bool = False
+    encoding: str = "utf-8"
+
+
+@dataclass(slots=True)
+class _Piece:
+    """Lines that have been read together; those before `at` are done with. `lines`: their numbers."""
+
+    lines: list[int]
+    columns: Columns
+    blocks: Blocks
+    at: int = 0
+
+
+class BlockReader:
+    """Reads one program, once. `state` is that behind everything that has been given out."""
+
+    def __init__(self, lines: Iterable[tuple[int, bytes]], rules: Rules, state: State, *, skip_to: int = 1) -> None:
+        self._lines = iter(lines)
+        self._rules = rules
+        self._reading = Reading(rules.profile, state, laser=rules.motion.laser, skip_deleted=rules.block_delete)
+        self._writer = Writer(rules.profile, self._reading.table, compact=rules.compact)
+        self._inches = InchConverter() if rules.convert_inches else None
+        self._skip_to = skip_to
+        self._piece: _Piece | None = None
+        self._opened = False
+        self.ended = False
+
+    @property
+    def state(self) -> State:
+        """Where the machine stands and what it has been told, behind everything that has been given out."""
+        return self._reading.state
+
+    @property
+    def in_inches(self) -> bool:
+        """The program is in G20 here and being converted."""
+        return self._inches is not None and self._inches.active
+
+    @property
+    def place(self) -> tuple[float, ...]:
+        """Program coordinates of the state, in the order of its axes."""
+        return _place(self.state)
+
+    def relocate(self, position: Position) -> None:
+        """The machine's own account of its program coordinates."""
+        self.state.locate(dict(position))
+        self.forget()
+
+    def forget(self) -> None:
+        """Somebody else may have been at the machine."""
+        self._writer.forget()
+
+    def skip(self) -> None:
+        """Follow the lines before `skip_to` without giving them out; the lines from there on are open then."""
+        if self._opened:
+            return
+        self._opened = True
+        while self._load(LINES_AT_ONCE):
+            piece = self._piece
+            assert piece is not None
+            first = next((row for row, line in enumerate(piece.lines) if line >= self._skip_to), None)
+            self._follow(piece, len(piece.lines) if first is None else first)
+            if first is not None:
+                return
+
+    def more(self, most_lines: int) -> tuple[list[Upcoming], int]:
+        """The next blocks, up to a barrier, and how many lines that took: none at the end of the program.
+
+        Raises PlanError when the very next line cannot be sent, OSError when the program cannot be read.
+        """
+        self.skip()
+        loaded = 0
+        if self._piece is None or self._piece.at >= len(self._piece.lines):
+            loaded = self._load(min(most_lines, LINES_AT_ONCE))
+            if not loaded:
+                return [], 0
+        piece = self._piece
+        assert piece is not None
+        begin = piece.at
+        end, barrier = self._stop(piece)
+        segments, written = self._execute(piece, begin, end)
+        found = self._given_out(piece, begin, end, segments, written)
+        if barrier is not None and found and found[-1].line == piece.lines[end - 1]:
+            found[-1].barrier = barrier
+            found[-1].tool = self.state.tool if barrier.tool_change else None
+            self.forget()
+        return found, max(loaded, end - begin)
+
+    # --- reading ------------------------------------------------------------------------------------------------
+
+    def _load(self, most_lines: int) -> int:
+        """The next piece; 0 at the end."""
+        taken = list(islice(self._lines, most_lines))
+        if not taken:
+            self.ended, self._piece = True, None
+            return 0
+        columns = read_columns(b"\n".join(raw for _, raw in taken) + b"\n", encoding=self._rules.encoding)
+        blocks = self._reading.blocks(columns)
+        self._writer.open(columns)
+        self._piece = _Piece([line for line, _ in taken], columns, blocks)
+        return len(taken)
+
+    def _stop(self, piece: _Piece) -> tuple[int, Barrier | None]:
+        """The end of what can be given out at once: behind a barrier, before a line that cannot be sent."""
+        special = piece.blocks.special
+        for row in special[np.searchsorted(special, piece.at) :].tolist():
+            block = self._block(piece, row)
+            if block.faults:
+                if row > piece.at:
+                    return row, None
+                fault = block.faults[0]
+                raise PlanError(piece.lines[row], f"column {fault.column}: {fault.message}")
+            if (barrier := barrier_of(block, self._rules.profile)) is not None:
+                return (row, None) if row > piece.at else (row + 1, barrier)
+        return len(piece.lines), None
+
+    def _block(self, piece: _Piece, row: int) -> Block:
+        block = piece.columns.block(row)
+        if self._rules.block_delete and block.deleted:
+            return Block((), True, (), block.text)
+        return block
+
+    # --- executing ----------------------------------------------------------------------------------------------
+
+    def _execute(self, piece: _Piece, begin: int, end: int) -> tuple[Segments, list[str]]:
+        """The motion of these rows, `line` being their row, and their wire texts."""
+        piece.at = end
+        if self._inches is not None and (self._inches.active or _has_inches(piece.columns)):
+            return self._execute_converted(piece, begin, end)
+        numbers = np.arange(len(piece.lines), dtype=np.int64)
+        segments = self._reading.read(
+            piece.columns, piece.blocks, begin=begin, end=end, line=numbers, follower=self._writer
+        )
+        return segments, self._writer.texts(begin, end)
+
+    def _follow(self, piece: _Piece, end: int) -> None:
+        """Execute the rows before `end` without writing them."""
+        piece.at = end
+        if self._inches is None or not (self._inches.active or _has_inches(piece.columns)):
+            self._reading.read(piece.columns, piece.blocks, end=end)
+            return
+        for row in range(end):
+            self._reading.step(row, self._inches.convert(self._block(piece, row)))
+        self._reading.take()
+
+    def _execute_converted(self, piece: _Piece, begin: int, end: int) -> tuple[Segments, list[str]]:
+        """The same block by block: every length is rewritten in mm."""
+        assert self._inches is not None
+        written = []
+        for row in range(begin, end):
+            block = self._inches.convert(self._block(piece, row))
+            self._reading.step(row, block)
+            written.append(self._writer.text(block))
+        return self._reading.take(), written
+
+    def _given_out(self, piece: _Piece, begin: int, end: int, segments: Segments, written: list[str]) -> list[Upcoming]:
+        count = end - begin
+        rows = segments.line - begin
+        each_s = plan(segments, self._rules.motion)
+        seconds = np.bincount(rows, weights=each_s, minlength=count)
+        uncertain = np.bincount(rows, weights=_is_uncertain(segments, piece.blocks), minlength=count) > 0
+        cost_s = np.where(uncertain, inf, seconds).tolist()
+        moves = (np.bincount(rows, weights=segments.kind != DWELL, minlength=count) > 0).tolist()
+        places = _places(segments, begin, count, self.place)
+        found = []
+        for row, text in enumerate(written):
+            if not text:
+                continue
+            line = piece.lines[begin + row]
+            if len(text) > self._rules.max_block_bytes:
+                reason = f"the block has {len(text)} bytes, the machine takes {self._rules.max_block_bytes}"
+                raise PlanError(line, reason)
+            found.append(Upcoming(line, text, float(seconds[row]), cost_s[row], moves[row], places[row]))
+        return found
+
+
+def barrier_of(block: Block, profile: Profile) -> Barrier | None:
+    """What makes `block` travel alone (elvinto §7); None for the many that do not."""
+    found = locate = ends_program = tool_change = False
+    for word in block.words:
+        if word.letter in profile.barrier_letters:
+            found = True
+        if word.letter not in profile.code_letters:
+            continue
+        code = profile.codes.get(word.code)
+        if code is None:
+            # Nobody knows what it does, so nothing else may hang on it.
+            found = locate = True
+        elif code.barrier:
+            found = True
+            locate |= code.locate
+            ends_program |= code.effect == "program_end"
+            tool_change |= code.effect == "tool_change"
+    return Barrier(locate, ends_program, tool_change) if found else None
+
+
+def _place(state: State) -> tuple[float, ...]:
+    return tuple([machine - offset for machine, offset in zip(state.position, state.frame, strict=True)])
+
+
+def _has_inches(columns: Columns) -> bool:
+    return bool(np.any((columns.letter == ord("G")) & (columns.value == 20.0)))
+
+
+def _is_uncertain(segments: Segments, blocks: Blocks) -> Bools:
+    """Segments whose length is not known: an axis that is known at one end only, or that is named and known at none."""
+    lost_start, lost_end = np.isnan(segments.start), np.isnan(segments.end)
+    uncertain: Bools = np.any(lost_start ^ lost_end, axis=0) | (segments.kind == HOMING)
+    for row, axis in enumerate(segments.axes):
+        named = blocks.letters.get(axis)
+        if named is not None:
+            uncertain |= lost_end[row] & named.has[segments.line]
+    return uncertain
+
+
+def _places(segments: Segments, begin: int, count: int, behind: tuple[float, ...]) -> list[tuple[float, ...]]:
+    """Program coordinates behind each of `count` rows from `begin`; `behind` all of them.
+
+    Where the next segment starts, and not where the one before ended: a cycle may leave the tool somewhere else.
+    """
+    frames: Floats = np.array(segments.frames, np.float64).reshape(-1, len(segments.axes))[segments.frame].T
+    starts = [*zip(*(segments.start - frames).tolist(), strict=True), behind]
+    following = np.searchsorted(segments.line, np.arange(begin, begin + count), side="right")
+    return [starts[place] for place in following.tolist()]
