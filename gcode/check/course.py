@@ -57,7 +57,7 @@ class CourseRules:
             found.add("warning", self._last_line, 1, "no_end", f"the program has no end ({ends})")
         if not self._blocks:
             found.add("error", 1, 0, "no_blocks", "there is nothing to execute in this file")
-        if state.shift_active and any(state.shift) and self._cancels_shift:
+        if state.shift_active and self._cancels_shift:
             text = "the program ends with the offset of G92 in force: G92.1 takes it back"
             found.add("warning", self._last_line, 1, "offset_left", text)
         return self._blocks

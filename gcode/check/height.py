@@ -8,7 +8,7 @@ what has been cut is air, so a rapid down is reported only where it goes below e
 import numpy as np
 
 from gcode.check.moves import Moves
-from gcode.check.piece import Piece, Reporter
+from gcode.check.piece import MACHINE_CODES, Piece, Reporter
 from gcode.profile import Profile
 from gcode.segments import Floats, Ints
 
@@ -26,6 +26,7 @@ class HeightRules:
         self._reporter = reporter
         self._is_mill = {"x", "y", "z"} <= set(profile.axes)
         self._deepest_mm = np.inf
+        self._by_machine = False
         self._crossed = False
         self._blind_line: int | None = None
 
@@ -39,19 +40,35 @@ class HeightRules:
             # Z has never been named: a laser, a plotter.
             self._first(piece, moves, end)
             return
-        end = moves.work_end(row)
+        start, end = self._heights(piece, moves, row)
         self._first(piece, moves, end)
         surface = SURFACE_MM - SLACK_MM
         low = end < surface
-        if low.any() or moves.work_start(row)[0] < surface:
-            rapid = moves.is_rapid & (low | (moves.work_start(row) < surface))
+        if low.any() or start[0] < surface:
+            rapid = moves.is_rapid & (low | (start < surface))
             if rapid.any():
-                self._rapids(piece, moves, row, np.flatnonzero(rapid))
+                self._rapids(piece, moves, start, end, np.flatnonzero(rapid))
             self._deepest_mm = min(self._deepest_mm, float(np.fmin.reduce(np.where(moves.is_cut, end, np.inf))))
 
-    def _rapids(self, piece: Piece, moves: Moves, row: int, rapids: Ints) -> None:
-        """Rapids that begin or end below the surface."""
+    def _heights(self, piece: Piece, moves: Moves, row: int) -> tuple[Floats, Floats]:
+        """Z before and after each segment; NaN from a way in machine coordinates (G53, G28, G30) to the next Z.
+
+        How high that is above the work, only the offsets on the machine say.
+        """
         start, end = moves.work_start(row), moves.work_end(row)
+        machine = piece.rows_of(*MACHINE_CODES)
+        if not self._by_machine and not len(machine):
+            return start, end
+        places = np.flatnonzero(moves.way(row) != 0.0)
+        own = np.isin(moves.rows[places], machine)
+        states = np.concatenate(([self._by_machine], own))
+        after = states[np.searchsorted(places, np.arange(len(moves)), side="right")]
+        before = np.concatenate(([self._by_machine], after[:-1]))
+        self._by_machine = bool(states[-1])
+        return np.where(before, np.nan, start), np.where(after, np.nan, end)
+
+    def _rapids(self, piece: Piece, moves: Moves, start: Floats, end: Floats, rapids: Ints) -> None:
+        """Rapids that begin or end below the surface."""
         cut = np.fmin.accumulate(np.where(moves.is_cut, end, np.inf))
         before = np.minimum(self._deepest_mm, np.concatenate(([np.inf], cut[:-1])))
         deeper = end[rapids] < np.minimum(before[rapids], SURFACE_MM) - SLACK_MM

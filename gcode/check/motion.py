@@ -33,7 +33,7 @@ class MotionRules:
         self._profile = profile
         self._motion = motion
         self._reporter = reporter
-        self._plane = "G17"
+        self._plane = f"G{profile.initial.get('plane', 17)}"
 
     def look(self, piece: Piece, moves: Moves) -> None:
         """One piece of the program."""

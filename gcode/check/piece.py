@@ -19,6 +19,9 @@ _UNITS_A_CODE = 100
 
 _LAST_CODE = 1000
 
+MACHINE_CODES = ("G53", "G28", "G30")
+"""Their ways are in machine coordinates, whatever the offsets."""
+
 
 class Piece:
     """`columns` is the piece; `numbers`, where given, is the line of each row, else they count from `first_line`.

@@ -156,7 +156,7 @@ class Checker:
         for note in notes:
             row = note.line - piece.columns.first_line
             self._found.add(note.level, piece.line(row), note.column, note.code, note.message)
-            if note.level == "error":
+            if note.level == "error" or note.code == "not_followed":
                 piece.noted.add(row)
         notes.clear()
         columns = piece.columns

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcode.check.moves import Moves
-from gcode.check.piece import Piece, Reporter
+from gcode.check.piece import MACHINE_CODES, Piece, Reporter
 from gcode.findings import Level
 from gcode.motion import Motion
 from gcode.profile import Profile
@@ -30,8 +30,6 @@ LEAST_PART_MM = 0.5
 
 MOST_TRAVELS = 2.0
 """A part so many times the travel is no part for another machine, but in other units."""
-
-_MACHINE_CODES = ("G53", "G28", "G30")
 
 
 @dataclass(slots=True)
@@ -139,7 +137,7 @@ class TravelRules:
             outside &= moves.is_way
             if not outside.any():
                 continue
-            own = np.isin(moves.rows, piece.rows_of(*_MACHINE_CODES))
+            own = np.isin(moves.rows, piece.rows_of(*MACHINE_CODES))
             for code, which in (("outside_travel", outside & ~own), ("outside_travel_machine", outside & own)):
                 for level, here in (("error", which & known), ("warning", which & ~known)):
                     self._note(piece, moves, axis, level, code, here)

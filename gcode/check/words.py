@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gcode.check.piece import Piece, Reporter
+from gcode.clean import DROPPED_LETTERS
 from gcode.findings import Level
 from gcode.profile import Profile
 from gcode.segments import Ints
@@ -27,6 +28,8 @@ Verdict = tuple[Level, str, str]
 def judge(profile: Profile, name: str) -> Verdict | None:
     """What is to be said of a letter (`X`) or code (`G41`), whatever its line: level, code, message; None: nothing."""
     letter = name[:1]
+    if letter in DROPPED_LETTERS:
+        return None  # They are never sent.
     shown = name if len(name) <= _SHOWN else name[:_SHOWN] + "..."
     if letter not in profile.code_letters:
         if letter in profile.letters:
@@ -65,7 +68,11 @@ class WordRules:
                 self._report(piece, letter, piece.rows_of_letter(letter), verdict)
         for name in piece.codes:
             if verdict := self._verdict(name):
-                self._report(piece, name, piece.rows_of(name), verdict)
+                rows = piece.rows_of(name)
+                self._report(piece, name, rows, verdict)
+                if verdict[0] == "error":
+                    # Where a code leads that nobody knows is anyone's guess: nothing more is said of its motion.
+                    piece.noted.update(rows.tolist())
         self._lengths(piece)
         self._programs(piece)
 

@@ -62,6 +62,14 @@ def test_the_first_way_across(program: str, expected: list[int]) -> None:
     assert lines(program, "first_move_low") == expected
 
 
+@pytest.mark.parametrize("code", ["G53 G0 Z-2", "G28 Z0", "G91 G28 Z0|G90", "G53 G0 X1 Z-2"])
+def test_a_way_in_machine_coordinates_says_nothing_of_the_surface(code: str) -> None:
+    program = f"G0 Z5|G0 X1|G1 Z-3|{code}|G0 X5|G0 Y5"
+    assert lines(program, "rapid_into_material") == lines(program, "rapid_below_surface") == []
+    # From the next Z on it is known again.
+    assert lines(program + "|G0 Z-4", "rapid_into_material") == [9 + code.count("|")]
+
+
 def test_depth_is_remembered_from_piece_to_piece() -> None:
     many = "|".join(["G1 X1", "G1 X2"] * 60_000)
     assert lines("G0 Z5|G0 X0|G1 Z-3|" + many + "|G0 Z5|G0 Z-2.9|G0 Z-3.1", "rapid_into_material") == [120_008]

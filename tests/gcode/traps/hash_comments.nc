@@ -1,0 +1,11 @@
+# made at home
+G21 G90 G94
+M3 S1000
+G0 Z5
+G0 X0 Y0 F600
+G1 X10
+Y10
+G0 Z5
+M5
+M30
+// and here

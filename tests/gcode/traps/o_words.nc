@@ -1,0 +1,5 @@
+o100 sub
+G1 X#1
+o100 endsub
+o100 call [5]
+M30

@@ -1,0 +1,8 @@
+G21 G90 G94
+M3 S1000
+G0 Z5
+G0 X0 Y0 F600
+G1 X10 (to the end
+G0 Z5
+M5
+M30
