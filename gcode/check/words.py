@@ -73,6 +73,7 @@ class WordRules:
                 if verdict[0] == "error":
                     # Where a code leads that nobody knows is anyone's guess: nothing more is said of its motion.
                     piece.noted.update(rows.tolist())
+        self._ranges(piece)
         self._lengths(piece)
         self._programs(piece)
 
@@ -99,6 +100,17 @@ class WordRules:
         found = self._reporter.found
         for row, fault in piece.columns.faults:
             found.add("error", piece.line(row), fault.column, fault.code, fault.message)
+
+    def _ranges(self, piece: Piece) -> None:
+        """Numbers that the controller refuses: a feed below 0, a tool over its table."""
+        for letter in sorted(self._profile.ranges.keys() & piece.letters.keys() - DROPPED_LETTERS):
+            lowest, highest = self._profile.ranges[letter]
+            values = piece.values(letter)
+            if lowest <= values.min() and values.max() <= highest:
+                continue
+            rows = piece.rows_of_letter(letter)[(values < lowest) | (values > highest)]
+            text = f"{letter} is from {lowest:.12g} to {highest:.12g} on {self._profile.title}"
+            self._reporter.rows(piece, rows, "error", "out_of_range", text, at=letter, subject=letter)
 
     def _lengths(self, piece: Piece) -> None:
         sizes = piece.sent_bytes

@@ -87,6 +87,13 @@ def test_the_length_of_a_block_is_that_of_what_goes_out() -> None:
     assert (finding.line, finding.message) == (3, "the block has 10 bytes without comments, the machine takes 9")
 
 
+@pytest.mark.parametrize(("words", "columns"), [("G0 X1 F-5", [7]), ("T256", [1]), ("T255 F0 S0", []), ("N-5", [])])
+def test_numbers_that_the_controller_refuses(words: str, columns: list[int]) -> None:
+    report = checked(HEAD + words + "|M30")
+    assert [finding.column for finding in found(report, "out_of_range")] == columns
+    assert level_of(report, "out_of_range") == ("error" if columns else None)
+
+
 def test_calls_need_a_target() -> None:
     program = HEAD + "M98 P1000|M98|M98 P2000|M98 P32000|M30|O2000|G0 X1|M99"
     report = checked(program)
