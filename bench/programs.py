@@ -100,3 +100,36 @@ def _hole(x: float, y: float, random: Random) -> Iterator[str]:
 def as_bytes(lines: Iterator[str]) -> bytes:
     """The file."""
     return "".join(f"{line}\n" for line in lines).encode()
+
+
+def arcs(seed: int, lines: int) -> Iterator[str]:
+    """Rings of arcs with centres, as a pocket is cleared."""
+    random = Random(seed)
+    yield from ("G21 G90 G17", "M3 S12000", "G0 X300 Y300 Z5", "G1 Z-1 F300")
+    radius_mm = 5.0
+    for index in range(lines - 6):
+        if index % 2 == 0:
+            radius_mm = random.uniform(4.0, 60.0)
+            yield f"G1 X{300 - radius_mm:.4f} Y300.0000 F1200"
+        else:
+            yield f"G2 X{300 + radius_mm:.4f} Y300.0000 I{radius_mm:.4f} J0.0000"
+    yield from ("G0 Z5", "M30")
+
+
+def four_axis(seed: int, lines: int) -> Iterator[str]:
+    """A turned surface: the rotary axis goes round while X goes along."""
+    random = Random(seed)
+    yield from ("G21 G90", "M3 S12000", "G0 Z30", "G0 X0 Y0 A0", "G1 Z20 F600")
+    for index in range(lines - 7):
+        yield f"X{0.01 * (index % 30_000):.3f} Z{18 + random.uniform(-2, 2):.3f} A{3.0 * index:.3f} F{1200 + index % 5}"
+    yield from ("G0 Z30", "M30")
+
+
+def raster(seed: int, lines: int) -> Iterator[str]:
+    """A picture by a laser: short moves in G91, the power in every line."""
+    random = Random(seed)
+    yield from ("G21 G91", "M4 S0", "G1 F6000")
+    for index in range(lines - 5):
+        forth = 0.1 if index // 4000 % 2 == 0 else -0.1
+        yield "G1Y0.1S0" if index % 4000 == 3999 else f"X{forth}S{random.randrange(0, 1000)}"
+    yield from ("M5", "M30")

@@ -87,6 +87,7 @@ class BatchPlanner:
         self._reader = BlockReader(lines, rules, state, skip_to=skip_to)
         self._limits = limits
         self._ahead: list[Upcoming] = []
+        self._fitting = 0
         self._before: Place | None = None
         self._previous_start: Place | None = None
         self._broken: PlanError | OSError | None = None
@@ -142,23 +143,20 @@ class BatchPlanner:
 
     def _fill(self, most_lines: int | None) -> bool:
         """Reads until a bound is passed, a barrier stands there, or the program ends; False: there is more to read."""
-        ahead = self._ahead
-        load = _Load(self._limits)
-        for item in ahead:
-            load.add(item)
+        ahead, reader = self._ahead, self._reader
         left = LINES_AT_ONCE if most_lines is None else most_lines
-        while load.fits and not (ahead and ahead[-1].barrier) and not self._reader.ended:
+        while True:
+            self._fitting = _fitting(ahead, self._limits)
+            if self._fitting < len(ahead) or (ahead and ahead[-1].barrier) or reader.ended:
+                return True
             if left <= 0:
                 return False
             if self._before is None:
-                self._before = self._reader.place
-            found, lines = self._reader.more(left)
+                self._before = reader.place
+            found, lines = reader.more(left)
             ahead += found
-            for item in found:
-                load.add(item)
             if most_lines is not None:
                 left -= lines
-        return True
 
     # --- choosing where to end ----------------------------------------------------------------------------------
 
@@ -167,14 +165,11 @@ class BatchPlanner:
         ahead = self._ahead
         if ahead[0].barrier:
             return 1
-        load = _Load(self._limits)
-        count = 0
-        for item in ahead:
-            load.add(item)
-            if item.barrier or not load.fits:
-                break
-            count += 1
-        if count < len(ahead) and not ahead[count].barrier:
+        count = self._fitting
+        # A barrier is the last that has been read, always; it does not go with the others.
+        if count == len(ahead) and ahead[-1].barrier:
+            count -= 1
+        elif count < len(ahead) and not ahead[count].barrier:
             count = self._without_still_tail(count)
         if self._is_told_apart(ahead[count - 1].end):
             return count
@@ -232,34 +227,22 @@ class BatchPlanner:
         return {axis: value for axis, value in zip(axes, place, strict=True) if not isnan(value)}
 
 
-class _Load:
-    """What the blocks of a batch add up to."""
-
-    __slots__ = ("_blocks", "_bytes", "_cost_s", "_limits", "_timed")
-
-    def __init__(self, limits: BatchLimits) -> None:
-        self._limits = limits
-        self._blocks = 0
-        self._bytes = -1  # one separator less than blocks
-        self._cost_s = 0.0
-        self._timed = 0
-
-    def add(self, item: Upcoming) -> None:
-        self._blocks += 1
-        self._bytes += len(item.text) + 1
+def _fitting(items: Iterable[Upcoming], limits: BatchLimits) -> int:
+    """How many of these blocks fit into one batch. One motion alone may be too long: it cannot be divided."""
+    size_bytes = -1  # one separator less than blocks
+    cost_s = 0.0
+    timed = 0
+    count = 0
+    for item in items:
+        size_bytes += len(item.text) + 1
         if item.cost_s > 0.0:
-            self._cost_s += item.cost_s
-            self._timed += 1
-
-    @property
-    def fits(self) -> bool:
-        """One motion alone may be longer than the bound: it cannot be divided."""
-        limits = self._limits
-        return (
-            self._blocks <= limits.max_batch_blocks
-            and self._bytes <= limits.max_batch_bytes
-            and (self._cost_s <= limits.max_batch_seconds or self._timed <= 1)
-        )
+            cost_s += item.cost_s
+            timed += 1
+        too_long = cost_s > limits.max_batch_seconds and timed > 1
+        if too_long or size_bytes > limits.max_batch_bytes or count == limits.max_batch_blocks:
+            break
+        count += 1
+    return count
 
 
 def _differs(one: Place, other: Place, apart_mm: float) -> bool:

@@ -12,6 +12,7 @@ from jobs.batch import PlannedBatch
 from jobs.effects import Entry
 from jobs.flight import Outcome
 from jobs.job import Status
+from jobs.upcoming import LINES_AT_ONCE
 from protocol.commands import Position
 from protocol.errors import LocalError
 
@@ -27,11 +28,6 @@ class BatchSource(Protocol):
 
     def relocate(self, position: Position) -> None:
         """The true position after a batch whose effect could not be computed."""
-
-
-LINES_AT_ONCE = 256
-"""Lines that are read in one go, some 10 ms of work: a thousand pages of comments must not hold up a pause. A batch
-has far fewer blocks."""
 
 
 @dataclass(slots=True)
