@@ -89,14 +89,14 @@ def _pass(core: Core, axes: tuple[int, ...], approach: bool, length_mm: float, r
     move = Move("home", start, start, rate, began_at=core.now)
     if core.current is not None:
         core.current.moves.append(move)
-    began = core.now
+    began, factor = core.now, core.kind.speed_factor
+    core.stepper.glide = lambda now: _place(core, start, reach, _covered(pieces, (now - began) * factor), approach)
     while core.now < began + seconds:
         yield began + seconds
-        covered = _covered(pieces, (core.now - began) * core.kind.speed_factor)
-        _stand(core, start, reach, covered, approach)
         if _interrupted(core):
             return
-    _stand(core, start, reach, length_mm, approach)
+    core.stepper.glide = None
+    core.stepper.rest = _place(core, start, reach, length_mm, approach)
     move.end, move.ended_at = core.stepper.rest, core.now
     if approach and not found:
         _fail(core, 9)
@@ -104,12 +104,12 @@ def _pass(core: Core, axes: tuple[int, ...], approach: bool, length_mm: float, r
         _fail(core, 8)
 
 
-def _stand(core: Core, start: Point, reach: dict[int, float], covered_mm: float, approach: bool) -> None:
+def _place(core: Core, start: Point, reach: dict[int, float], covered_mm: float, approach: bool) -> Point:
     place = list(start)
     for axis, most in reach.items():
         sign = (-1.0 if _negative(core, axis) else 1.0) * (1.0 if approach else -1.0)
         place[axis] = start[axis] + sign * min(covered_mm, most)
-    core.stepper.rest = (place[0], place[1], place[2])
+    return place[0], place[1], place[2]
 
 
 def _interrupted(core: Core) -> bool:

@@ -88,6 +88,8 @@ class Stepper:
         self.holding = False
         self.rest: Point = ORIGIN
         """Position while nothing is being executed, machine coordinates."""
+        self.glide: Callable[[float], Point] | None = None
+        """Homing moves the axes by itself, past the queue: where they are at a time."""
         self.watch: Callable[[PlanBlock], list[Contact]] = lambda _: []
         self.on_stop: Callable[[float], None] = lambda _: None
         self.on_contact: Callable[[str, float], None] = lambda _what, _at: None
@@ -104,7 +106,7 @@ class Stepper:
 
     def position(self, now: float) -> Point:
         if not self.running:
-            return self.rest
+            return self.rest if self.glide is None else self.glide(now)
         block = self.planner.blocks[0]
         return block.at(block.done_mm + self._covered(now)[0])
 
@@ -150,6 +152,8 @@ class Stepper:
             self._settle(now)
             block = self.planner.blocks[0]
             self.rest = block.at(block.done_mm)
+        elif self.glide is not None:
+            self.rest, self.glide = self.glide(now), None
         self.running = self.holding = False
         self._speed = 0.0
 
@@ -215,7 +219,7 @@ class Stepper:
     def _covered(self, now: float) -> tuple[float, float]:
         """Millimetres since the profile began, and the speed."""
         if self._instant:
-            return (0.0 if self.holding or now < self._ends_at else self.planner.blocks[0].left_mm), 0.0
+            return 0.0, 0.0  # all of it happens in `_end`
         seconds = (now - self._since) * self._factor
         length_mm, speed = 0.0, self._speed
         for piece in self._pieces:
@@ -231,8 +235,6 @@ class Stepper:
         """Make what was covered until `now` part of the past."""
         block = self.planner.blocks[0]
         length_mm, self._speed = self._covered(now)
-        if self._instant and not self.holding and now >= self._ends_at and self._contacts:
-            length_mm = 0.0
         block.done_mm = min(block.length_mm, block.done_mm + length_mm)
         self._since = now
 
