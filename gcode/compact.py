@@ -32,7 +32,7 @@ _FEED_MODES = {
 }
 """What these effects make of an F: whether it holds for the blocks that follow."""
 
-_KEEPS_DISTANCE = frozenset(get_args(Effect)) - {"restore_distance", "program_end", "unknown"}
+_KEEPS_DISTANCE = frozenset(get_args(Effect)) - {"restore_distance", "restore_modes", "program_end", "unknown"}
 
 
 class Compactor:

@@ -76,6 +76,11 @@ class Reading:
         """The motion of the blocks that went by themselves."""
         return self._interpreter.take()
 
+    def finish(self) -> Segments:
+        """The program is over: what compensation has held back."""
+        self._interpreter.finish()
+        return self._interpreter.take()
+
     def read(
         self,
         columns: Columns,
@@ -171,6 +176,7 @@ def segments_of(
         columns = read_columns(piece, first_line, encoding)
         first_line += columns.lines
         yield reading.read(columns)
+    yield reading.finish()
 
 
 def _next(rows: Ints, begin: int, end: int) -> int:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from gcode.actions import ACTIONS, MOTION, ONLY_MODES, SETTING_RANKS, TAKES_AXES, WORDS, apply_setting
+from gcode.compensated import refusal
 from gcode.cycles import CYCLES
 from gcode.executor import MM_PER_INCH, Executor, Note, Work
 from gcode.motions import ARCS, move
@@ -20,6 +21,9 @@ from gcode.words import Block, code_name
 
 MAX_NAMES = 4096
 """Spellings of codes that are remembered: a hostile file could make up ever new ones."""
+
+NO_COMPENSATION = 40
+"""G40."""
 
 _STRAIGHT = {"rapid": RAPID, "feed": FEED}
 _CUTTING = ARCS | {"feed"}
@@ -213,6 +217,8 @@ class Interpreter:
     def _apply(self, work: Work, code: Code) -> None:
         """One code that is no motion mode. `sync`: the queue runs dry, now or before the next motion (gcode §5)."""
         state, executor = self.state, self._executor
+        if state.compensation != NO_COMPENSATION and (why := refusal(code, state.plane)) is not None:
+            executor.note(work, "compensation", why)
         before = _synced(state) if code.sync == "change" else None
         if code.sync == "always" or code.barrier:
             state.sync = True
@@ -289,7 +295,7 @@ class Interpreter:
             if mode is not None and mode.effect in CYCLES and executor.strict:
                 executor.note(work, "cycle_words", f"{mode.name} without an axis word", level="warning")
             return
-        if state.compensation != 40 and effect in CYCLES:
+        if state.compensation != NO_COMPENSATION and effect in CYCLES:
             executor.note(work, "compensation", "a canned cycle while compensation is on")
         move(executor, work, effect)
 

@@ -3,8 +3,12 @@
 The one rule: what is not certain is NaN (a coordinate) or None (a mode), never a guess.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan, nan
+
+MOST_SYSTEMS = 9
+"""G54 to G59.3."""
 
 
 @dataclass(slots=True)
@@ -83,6 +87,24 @@ class State:
             diameters=dict(self.diameters),
         )
 
+    def assumed(self, place: Sequence[float] | None = None) -> "State":
+        """A second state in which nothing is unknown: for estimates, never for judging and never for sending.
+
+        Axes whose place nobody knows stand at `place`, machine coordinates, or else at the program's zero; offsets and
+        homes that nobody has told are 0, as in a controller that is new.
+        """
+        other = self.copy()
+        nothing = [0.0] * len(self.axes)
+        other.systems = {n: _told(self.systems.get(n, nothing)) for n in range(1, MOST_SYSTEMS + 1)}
+        other.homes = {n: _told(self.homes.get(n, nothing)) for n in (28, 30)}
+        other.shift, other.tool_offset = _told(self.shift), _told(self.tool_offset)
+        other.adrift = frozenset()
+        other.refresh_frame()
+        fallback = other.frame if place is None else place
+        pairs = zip(self.position, fallback, strict=True)
+        other.position = [where if isnan(known) else known for known, where in pairs]
+        return other
+
     def modes(self) -> tuple[object, ...]:
         """All modes that a block can change without a word beside it: two states of the same modes obey it alike."""
         return (
@@ -115,6 +137,10 @@ class State:
             + _known(self.tool_offset[row])
             for row in range(len(self.axes))
         )
+
+
+def _told(offsets: list[float]) -> list[float]:
+    return [_known(offset) for offset in offsets]
 
 
 def _known(offset: float) -> float:

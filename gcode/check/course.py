@@ -49,7 +49,7 @@ class CourseRules:
         self._spindle(piece)
         self._last_line = piece.line(piece.columns.lines - 1) if piece.columns.lines else self._last_line
 
-    def close(self, state: State) -> int:
+    def close(self, state: State, *, compensating: bool = False) -> int:
         """At the end of the program, with the state that it leaves; the number of its blocks."""
         found = self._reporter.found
         if self._blocks and not self._ended:
@@ -60,6 +60,9 @@ class CourseRules:
         if state.shift_active and self._cancels_shift:
             text = "the program ends with the offset of G92 in force: G92.1 takes it back"
             found.add("warning", self._last_line, 1, "offset_left", text)
+        if compensating:
+            text = "the program ends with cutter compensation on: G40 is missing"
+            found.add("warning", self._last_line, 1, "compensation_left", text)
         return self._blocks
 
     # --- before the first motion --------------------------------------------------------------------------------

@@ -8,6 +8,8 @@ from typing import TypedDict
 
 import numpy as np
 
+from gcode.blocks import Blocks
+from gcode.check.assumed import Assumed
 from gcode.check.course import CourseRules
 from gcode.check.height import HeightRules
 from gcode.check.link import BITS_A_BYTE, LinkRules
@@ -19,14 +21,16 @@ from gcode.check.source import Fingerprint
 from gcode.check.summary import Summary
 from gcode.check.travel import TravelRules
 from gcode.check.words import WordRules
-from gcode.columns import Columns
+from gcode.columns import Columns, read_columns
 from gcode.findings import Findings, Report
 from gcode.interpret import Reading
+from gcode.interpreter import NO_COMPENSATION
 from gcode.lines import MAX_LINE_BYTES
 from gcode.motion import Motion, Position
 from gcode.planner import Planner
 from gcode.profile import Profile
-from gcode.segments import Ints
+from gcode.segments import Ints, Segments
+from gcode.state import State
 
 
 class CheckOptions(TypedDict, total=False):
@@ -55,10 +59,12 @@ class Checker:
     def __init__(self, profile: Profile, motion: Motion, options: CheckOptions) -> None:
         self._profile = profile
         self._skip_deleted = options.get("block_delete", False)
+        self._next_line = 1
         self._baud = options.get("baud")
         self._found = Findings()
         self._converter = Converter() if options.get("convert_inches") else None
         self._reading = Reading(profile, laser=motion.laser, skip_deleted=self._skip_deleted)
+        self._assumed = Assumed(profile, laser=motion.laser, skip_deleted=self._skip_deleted)
         if position := options.get("position"):
             self._reading.state.locate(dict(position))
         reporter = Reporter(self._found)
@@ -90,23 +96,41 @@ class Checker:
         if self._converter:
             columns = self._converter.convert(columns)
         piece = Piece(columns, self._profile.code_letters, numbers)
-        segments = self._reading.read(columns)
+        self._next_line = columns.first_line + columns.lines
+        before = self._reading.state.copy()
+        blocks = self._reading.blocks(columns)
+        self._judge(piece, self._reading.read(columns, blocks), before, blocks)
+
+    def _finish(self) -> None:
+        """The motion that was held back for the corner behind it, and has none."""
+        before = self._reading.state.copy()
+        segments = self._reading.finish()
+        if len(segments):
+            columns = read_columns(b"", self._next_line)
+            self._judge(Piece(columns, self._profile.code_letters), segments, before, self._reading.blocks(columns))
+
+    def _judge(self, piece: Piece, segments: Segments, before: State, blocks: Blocks) -> None:
+        columns = piece.columns
         moves = Moves(segments, segments.line - columns.first_line)
+        assumed = self._assumed.read(columns, blocks, before, segments, self._reading.state)
+        sums = moves if assumed is segments else Moves(assumed, assumed.line - columns.first_line)
         self._notes(piece)
         self._words.look(piece)
         self._course.look(piece, moves)
         self._travel.look(piece, moves)
         self._motions.look(piece, moves)
         self._height.look(piece, moves)
-        self._summary.look(piece, moves)
+        self._summary.look(piece, sums)
         if self._link:
-            self._link.look(piece, moves)
-        self._time(self._planner.feed(segments))
+            self._link.look(piece, sums)
+        self._time(self._planner.feed(assumed))
         if self._overridden:
-            self._seconds_overridden += float(self._overridden.feed(segments).sum())
+            self._seconds_overridden += float(self._overridden.feed(assumed).sum())
 
     def report(self, source: Fingerprint | None = None) -> Report:
         """Everything that was found. To be called once."""
+        left_on = self._reading.state.compensation != NO_COMPENSATION
+        self._finish()
         self._time(self._planner.flush())
         if self._overridden:
             self._seconds_overridden += float(self._overridden.flush().sum())
@@ -114,7 +138,7 @@ class Checker:
             self._link.close()
         self._words.close()
         self._travel.close()
-        blocks = self._course.close(self._reading.state)
+        blocks = self._course.close(self._reading.state, compensating=left_on)
         summary = self._summary
         report = Report(
             errors=self._found.of("error"),
