@@ -8,6 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from math import exp, isfinite, log, sqrt
 
+RUNS_CONSIDERED = 20
+"""The last ones: a machine is changed, and so are the figures in its configuration."""
+
 FURTHEST = log(5.0)
 """A run five times slower or faster than planned says nothing about the next: a wrong plan, a clock that was set."""
 

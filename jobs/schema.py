@@ -86,6 +86,24 @@ def m006_machines(db: Database) -> None:
     """)
 
 
+@migrations()
+def m007_expansions(db: Database) -> None:
+    """Programs that were made of others (jobs/expansion.py): of what, and by which `version` of the daemon, for a later
+    one may know better. `source_program` is null for uploads and for jobs of plain programs."""
+    db.execute("alter table programs add column source_program text")
+    db.execute("alter table jobs add column source_program text")
+    db.execute("create table expansions (source text primary key, expanded text not null, version text not null)")
+
+
+@migrations()
+def m007_pace(db: Database) -> None:
+    """Planned seconds of what a job has executed, and what it took while the machine was moving: pauses, waits and
+    breaks are in neither. Null where nothing was measured."""
+    db.execute("alter table jobs add column planned_seconds real")
+    db.execute("alter table jobs add column moving_seconds real")
+    db.execute("create index jobs_completed on jobs (machine, id) where status = 'completed'")
+
+
 def prepare(db: Database) -> None:
     """Set the connection up and bring the tables to the newest state."""
     db.execute("pragma journal_mode = wal")

@@ -11,6 +11,7 @@ from sqlite_utils import Database
 
 from jobs import history
 from jobs.effects import SetStatus
+from jobs.experience import Run
 from jobs.job import ACTIVE, ENDED, JobError, Status, check_transition
 
 Row = Mapping[str, Any]
@@ -208,6 +209,21 @@ def set_status(db: Database, id: int, effect: SetStatus, *, at: str) -> None:
     data = {"from": before, "to": effect.after, "line_done": effect.line_done, "tool": effect.tool}
     data |= {"error": None if effect.error is None else effect.error.view()}
     history.append(db, at=at, machine=row["machine"], job=id, kind="status", data=data)
+
+
+def set_pace(db: Database, id: int, planned_s: float, moving_s: float) -> None:
+    """What a job has executed so far: the planned seconds of it, and what it really took."""
+    db.execute("update jobs set planned_seconds = ?, moving_seconds = ? where id = ?", [planned_s, moving_s, id])
+
+
+def runs(db: Database, machine: str, *, limit: int) -> list[Run]:
+    """How the last jobs that this machine completed compare with their plans, the newest first."""
+    query = """
+        select planned_seconds, moving_seconds from jobs
+        where machine = ? and status = 'completed' and planned_seconds > 0 and moving_seconds > 0
+        order by id desc limit ?
+    """
+    return [Run(row["planned_seconds"], row["moving_seconds"]) for row in db.query(query, [machine, limit])]
 
 
 def error_of(row: Row) -> JobError | None:

@@ -83,9 +83,11 @@ def test_arcs_between_lines() -> None:
     assert [found.kind.index(kind) for kind in (FEED, CCW)] == [1, 2]
     assert found.line == sorted(found.line)
     assert len(found.edges()) == len(found.line) - 1
-    arc = [place for place, kind in zip(found.places, found.kind, strict=True) if kind == CCW]
+    arc = list(found.along(2, 60))
     assert arc[-1] == pytest.approx((20, 10, -1))
     assert [np.hypot(x - 10, y - 10) for x, y, _ in arc] == pytest.approx([10.0] * len(arc), abs=0.001)
+    assert arc[29] == pytest.approx((10 + 10 * 0.5**0.5, 10 - 10 * 0.5**0.5, -0.5), abs=0.001)
+    assert found.kind == [START | FEED, FEED, CCW, FEED]
     assert CW not in found.kind
 
 
@@ -138,7 +140,7 @@ def test_the_head_tells_what_there_is() -> None:
     path = Path(axes="XYZA", at=(0, 0, 5, nan), feed=900, tool=2).to(10, 0, 5, nan, kind=RAPID).to(10, 5, -1, nan)
     head = drawn(path.segments()).head
     assert (head["axes"], head["known_axes"], head["level"], head["flags"]) == ("XYZA", 7, 0, 0)
-    assert (head["unit"], head["chord_tolerance"]) == (0.001, 0.01)
+    assert head["unit"] == 0.001
     assert head["bounds"][2] == pytest.approx((-1, 5, -1, -1))
     assert all(isnan(bound) for bound in head["bounds"][3])
     assert head["tools"] == (2,)
@@ -165,10 +167,10 @@ def test_levels_are_some_of_the_vertices_and_keep_their_bound() -> None:
     finest = read_toolpath(file(data))
     levels = finest.head["levels"]
     assert len(levels) >= 2
-    for number, (tolerance_mm, *_) in list(enumerate(levels))[1:]:
+    for number, level in list(enumerate(levels))[1:]:
         found = read_toolpath(file(data, number))
         assert found.head["level"] == number
-        assert len(found.line) * t.LEVEL_SHARE <= levels[number - 1][1]
+        assert len(found.line) * t.LEVEL_SHARE <= levels[number - 1]["vertices"]
         at = dict(zip(found.line[1:], found.places[1:], strict=True))
         full = np.array(finest.places)
         assert all(np.allclose(full[line], place) for line, place in at.items())
@@ -177,7 +179,84 @@ def test_levels_are_some_of_the_vertices_and_keep_their_bound() -> None:
         a, b = full[corners[which - 1]], full[corners[which]]
         share = np.sum((full - a) * (b - a), axis=1) / np.maximum(np.sum((b - a) ** 2, axis=1), 1e-12)
         off = np.linalg.norm(full - a - (b - a) * share.clip(0, 1)[:, None], axis=1)
-        assert off.max() <= tolerance_mm + 1e-9
+        assert off.max() <= level["tolerance"] + 1e-9
+
+
+def arcs(count: int, *, largest_mm: float = 60.0) -> Segments:
+    """One after the other, in all planes, rising, of all sweeps; sizes and ways as they come."""
+    rng = np.random.default_rng(11)
+    path = Path(at=(0.0, 0.0, 0.0))
+    for _ in range(count):
+        radius, begin, end = rng.uniform(0.01, largest_mm), *rng.uniform(0, 2 * np.pi, 2)
+        plane = int(rng.choice([17, 18, 19]))
+        first, second, along = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}[plane]
+        centre = (-radius * np.cos(begin), -radius * np.sin(begin))
+        place = list(path.at)
+        place[first] += centre[0] + radius * np.cos(end)
+        place[second] += centre[1] + radius * np.sin(end)
+        place[along] += rng.uniform(-1, 1)
+        path.arc(tuple(place), centre, clockwise=bool(rng.integers(2)), plane=plane)
+    return path.segments()
+
+
+def test_every_arc_is_read_as_it_was_written_in_every_width() -> None:
+    for largest_mm in (0.1, 30.0, 8000.0, 100_000.0):
+        whole = arcs(3000, largest_mm=largest_mm)
+        found = drawn(whole)
+        assert list(found.arcs) == list(range(1, 3001))
+        for row, arc in enumerate(found.arcs.values()):
+            assert arc.plane == whole.plane[row]
+            assert arc.sweep == pytest.approx(whole.sweep[row], rel=1e-6)
+            assert arc.centre == pytest.approx(whole.centre[:, row], abs=0.000501)
+
+
+def test_arcs_among_lines_are_found_in_their_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(t, "GATHERED_VERTICES", 3000)
+    path = Path(at=(0, 0, 0))
+    for at in range(9000):
+        if at % 700 == 3 or 4200 < at < 4300:
+            path.arc((at + 1, 0, 0), (0.5, float(at % 3)), clockwise=True)
+        else:
+            path.to(at + 1, 0, 0)
+    whole = path.segments()
+    found = drawn(*(whole.take(slice(at, at + 1001)) for at in range(0, 9000, 1001)))
+    assert {vertex - 1: arc.centre[1] for vertex, arc in found.arcs.items()} == {
+        row: row % 3 for row in np.flatnonzero(whole.is_arc).tolist()
+    }
+
+
+def test_arcs_keep_the_bound_of_a_level() -> None:
+    whole = arcs(3000, largest_mm=2.0)
+    data = toolpath([whole], "XYZ")
+    finest = read_toolpath(file(data))
+    count = len(finest.head["levels"])
+    assert count >= 2
+    for number in range(1, count):
+        found = read_toolpath(file(data, number))
+        at = [0, *found.line[1:]]
+        for vertex in range(1, len(at)):
+            points = np.array([place for row in range(at[vertex - 1], at[vertex]) for place in finest.along(row + 1, 9)])
+            if vertex in found.arcs:
+                assert found.arcs[vertex] == finest.arcs[at[vertex]]
+                continue
+            a, b = np.array(found.places[vertex - 1]), np.array(found.places[vertex])
+            share = ((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-12)).clip(0, 1)
+            off = np.linalg.norm(points - a - share[:, None] * (b - a), axis=1).max()
+            assert off <= found.head["levels"][number]["tolerance"] + 1e-9
+
+
+def test_a_rung_that_is_hopeless_after_a_good_part_is_not_packed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(t, "GATHERED_VERTICES", 1000)
+    monkeypatch.setattr(t, "JUDGED_VERTICES", 2000)
+    rng = np.random.default_rng(4)
+    points = rng.uniform(0, 100, (3, 9001))
+    points[:, 3500:] = np.linspace(points[:, 3500], points[:, 3500] + 50, 5501).T
+    whole = through(points)
+    encoder = t.ToolpathEncoder("XYZ")
+    rungs = [{rung for rung, _ in encoder.add(whole.take(slice(at, at + 1000)))} for at in range(0, 9000, 1000)]
+    assert rungs[0] == {0, 1, 2, 3, 4}
+    assert rungs[-1] == {0, 4}
+    assert encoder.rungs() in ([0], [0, 4])
 
 
 def test_a_level_that_would_save_little_is_not_kept() -> None:
@@ -192,6 +271,7 @@ def test_size_stays_below_twelve_bytes_a_segment() -> None:
     programs = {
         "relief": relief(142),
         "long strokes": through(rng.uniform(0, 800, (3, count + 1))),
+        "arcs": arcs(5000),
         "short steps": through(np.cumsum(rng.normal(0, 1, (3, count + 1)), axis=1)),
     }
     programs["a feed and a kind for each"] = restless = through(rng.uniform(0, 30, (3, count + 1)))
@@ -211,7 +291,7 @@ def test_too_long_a_program_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         toolpath([relief(40)], "XYZ")
 
 
-@pytest.mark.parametrize("start", [b"MSTQ", b"MSTP\x02"])
+@pytest.mark.parametrize("start", [b"MSTQ", b"MSTP\x01"])
 def test_another_format_is_not_read(start: bytes) -> None:
     with pytest.raises(ValueError, match="no toolpath"):
         head_bytes(start.ljust(HEAD.size, b"\0"))

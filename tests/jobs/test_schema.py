@@ -24,3 +24,17 @@ def test_what_is_reported_durable_survives_a_power_cut(tmp_path: Path) -> None:
     full = 2
     assert next(db.query("pragma synchronous"))["synchronous"] == full
     db.close()
+
+
+def test_a_database_of_before_keeps_its_jobs(tmp_path: Path) -> None:
+    db = Database(sqlite3.connect(tmp_path / "m.db"))
+    migrations.apply(db, stop_before="m007_pace")
+    values = "'router', 'p', 'part.nc', 'completed', 1, 0, 0, 1, 9, 9, 9, 0, '2026-03-01T09:00:00.000Z'"
+    names = (
+        "machine, program, program_name, status, rank, hold, forced, start_line, end_line, lines, line_done, restarted"
+    )
+    db.execute(f"insert into jobs ({names}, created_at) values ({values})")
+    prepare(db)
+    (row,) = db.query("select * from jobs")
+    assert (row["machine"], row["planned_seconds"], row["moving_seconds"]) == ("router", None, None)
+    db.close()

@@ -7,6 +7,7 @@ from sqlite_utils import Database
 
 from jobs import history, store
 from jobs.effects import SetStatus
+from jobs.experience import Run
 from jobs.job import JobError, Status
 from protocol.errors import LocalError
 from tests.harness.rows import AT, add_job, database, job_fields
@@ -141,3 +142,27 @@ def test_a_queue_is_put_on_hold() -> None:
         store.set_hold(db, ids[0], False)
         assert [row["hold"] for row in store.queue(db, "router")] == [0, 1]
         assert [row["hold"] for row in store.queue(db, "lathe")] == [0]
+
+
+def test_the_runs_of_a_machine_are_its_completed_jobs_newest_first() -> None:
+    with database() as db:
+        paces = [(100.0, 120.0), (50.0, 40.0), (7.0, 9.0), (0.0, 1.0), None]
+        for pace in paces:
+            id = add_job(db)
+            if pace is not None:
+                store.set_pace(db, id, *pace)
+            for after in (Status.CHECKING, Status.RUNNING, Status.FAILED if pace == (7.0, 9.0) else Status.COMPLETED):
+                set_status(db, id, after)
+        other = add_job(db, machine="lathe")
+        store.set_pace(db, other, 1.0, 2.0)
+        assert store.runs(db, "router", limit=9) == [Run(50.0, 40.0), Run(100.0, 120.0)]
+        assert store.runs(db, "router", limit=1) == [Run(50.0, 40.0)]
+        assert store.runs(db, "lathe", limit=9) == [], "it has not ended"
+        plan = " ".join(
+            str(row)
+            for row in db.query(
+                "explain query plan select * from jobs where machine = 'm' and status = 'completed' order by id desc"
+            )
+        )
+        assert "jobs_completed" in plan
+        assert "TEMP B-TREE" not in plan
