@@ -96,7 +96,7 @@ def m007_expansions(db: Database) -> None:
 
 
 @migrations()
-def m007_pace(db: Database) -> None:
+def m008_pace(db: Database) -> None:
     """Planned seconds of what a job has executed, and what it took while the machine was moving: pauses, waits and
     breaks are in neither. Null where nothing was measured."""
     db.execute("alter table jobs add column planned_seconds real")

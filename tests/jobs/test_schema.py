@@ -28,7 +28,7 @@ def test_what_is_reported_durable_survives_a_power_cut(tmp_path: Path) -> None:
 
 def test_a_database_of_before_keeps_its_jobs(tmp_path: Path) -> None:
     db = Database(sqlite3.connect(tmp_path / "m.db"))
-    migrations.apply(db, stop_before="m007_pace")
+    migrations.apply(db, stop_before="m008_pace")
     values = "'router', 'p', 'part.nc', 'completed', 1, 0, 0, 1, 9, 9, 9, 0, '2026-03-01T09:00:00.000Z'"
     names = (
         "machine, program, program_name, status, rank, hold, forced, start_line, end_line, lines, line_done, restarted"
