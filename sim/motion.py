@@ -5,8 +5,8 @@ The one rule: no clock and no state in here; a leg answers where the carriage is
 """
 
 import math
-from dataclasses import dataclass, replace
-from typing import TypeAlias
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
 
 AXES = "XYZABC"
 """The order of the axes in every point; ElVinto's AXISNUM counts them from 1."""
@@ -57,8 +57,7 @@ class Trapezoid:
         return self.length_mm - self.acceleration * (total_s - elapsed_s) ** 2 / 2
 
 
-@dataclass(frozen=True, slots=True)
-class Leg:
+class Leg(NamedTuple):
     """One straight line, or with a `centre` one arc or helix about it; `sweep_rad` > 0 is counter-clockwise."""
 
     start: Point
@@ -110,7 +109,7 @@ class Leg:
 
     def cut(self, fraction: float) -> "Leg":
         """The first part of this leg."""
-        return replace(self, end=self.at(fraction), sweep_rad=self.sweep_rad * fraction)
+        return self._replace(end=self.at(fraction), sweep_rad=self.sweep_rad * fraction)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +123,8 @@ class Exit:
 
 def first_exit(leg: Leg, low: Point, high: Point) -> Exit | None:
     """The first place of `leg` outside the box [low, high], or None."""
+    if _stays_inside(leg, low, high):
+        return None
     if leg.centre is None:
         exits = [found for axis in range(len(AXES)) if (found := _straight_exit(leg, axis, low, high))]
         return min(exits, key=lambda found: found.fraction) if exits else None
@@ -134,6 +135,18 @@ def first_exit(leg: Leg, low: Point, high: Point) -> Exit | None:
             return _bisect(leg, inside, fraction, low, high)
         inside = fraction
     return None
+
+
+def _stays_inside(leg: Leg, low: Point, high: Point) -> bool:
+    """True for certain; False is no answer yet. Of an arc the whole circle is looked at, not only its part."""
+    start, end = leg.start, leg.end
+    if _outside(start, low, high) is not None or _outside(end, low, high) is not None:
+        return False
+    if leg.centre is None:
+        return True
+    cx, cy = leg.centre
+    radius = max(math.hypot(start[0] - cx, start[1] - cy), math.hypot(end[0] - cx, end[1] - cy))
+    return low[0] <= cx - radius and cx + radius <= high[0] and low[1] <= cy - radius and cy + radius <= high[1]
 
 
 def _straight_exit(leg: Leg, axis: int, low: Point, high: Point) -> Exit | None:

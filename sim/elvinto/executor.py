@@ -8,25 +8,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import accumulate
 
+from sim.elvinto.commands import Command
 from sim.elvinto.events import AlarmRaised, BlockFinished, BlockStarted, CommandEnded, Executed, SimEvent, ToolWanted
-from sim.elvinto.gcode import QUERIES, BlockError
+from sim.elvinto.gcode import BlockError
 from sim.elvinto.mill import ALARM_EMERGENCY, Mill, Plan
 from sim.elvinto.settings import SimSettings
 from sim.motion import Point
-
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """A batch, or a file on the card. `quiet`: nothing but queries, so STATE goes on saying idle."""
-
-    id: int
-    blocks: Iterator[str]
-    from_card: bool = False
-    quiet: bool = False
-
-    @classmethod
-    def batch(cls, command_id: int, blocks: list[str]) -> "Command":
-        return cls(command_id, iter(blocks), quiet=all(block.upper() in QUERIES for block in blocks))
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +50,15 @@ class Executor:
     def advance(self, at: float) -> Iterator[SimEvent | Asked | ProgramEnded]:
         """The present block has ended at `at` (or there is none yet): what follows, until time has to pass again."""
         while self.command is not None:
-            if self._plan is not None:
-                yield from self._end_block(at)
-            elif (text := next(self.command.blocks, None)) is not None:
-                yield from self._begin_block(text, at)
+            plan = self._plan
+            if plan is None:
+                text = next(self.command.blocks, None)
+                yield self._end_command(None) if text is None else self._begin_block(text, at)
+            elif plan.only_moves:
+                self._mill.stop(plan, 0, None)
+                yield self._finish_block(at)
             else:
-                yield self._end_command(None)
+                yield from self._end_block(plan, at)
             if self._plan is not None and (self.ends_at is None or self.ends_at > at):
                 return
 
@@ -107,27 +97,23 @@ class Executor:
         last = len(self._plan.legs) - 1
         return last, self._plan.legs[last].seconds
 
-    def _begin_block(self, text: str, at: float) -> Iterator[SimEvent]:
+    def _begin_block(self, text: str, at: float) -> SimEvent:
         assert self.command is not None
         try:
             self._plan = self._mill.begin(text)
         except BlockError as error:
-            yield self._end_command(error.num)
-            return
+            return self._end_command(error.num)
         self._block = Executed(text, self.command.id, at)
-        self.has_moved = self.has_moved or self.moving
-        duration_s = 0.0
-        if not self._settings.instant and self._plan.legs:
-            self._leg_ends_s = list(accumulate(leg.seconds for leg in self._plan.legs))
-            duration_s = self._leg_ends_s[-1] / self._settings.speed_factor
-        self.ends_at = at + duration_s
-        yield BlockStarted(self._block)
+        self.ends_at = at
+        if legs := self._plan.legs:
+            self.has_moved = True
+            if not self._settings.instant:
+                self._leg_ends_s = list(accumulate(leg.seconds for leg in legs))
+                self.ends_at = at + self._leg_ends_s[-1] / self._settings.speed_factor
+        return BlockStarted(self._block)
 
-    def _end_block(self, at: float) -> Iterator[SimEvent | Asked | ProgramEnded]:
+    def _end_block(self, plan: Plan, at: float) -> Iterator[SimEvent | Asked | ProgramEnded]:
         assert self.command is not None
-        assert self._block is not None
-        plan = self._plan
-        assert plan is not None
         if not self._tool_said:
             self._mill.stop(plan, 0, None)
         if plan.alarm is not None:
@@ -143,15 +129,19 @@ class Executor:
             yield Asked(plan.query)
         if plan.ends_program:
             yield ProgramEnded()
-        self._block.finished, self._block.ended_at = True, at
-        yield BlockFinished(self._block)
+        from_card = self.command.from_card
+        yield self._finish_block(at)
         if plan.emergency:
             yield self._alarm(ALARM_EMERGENCY, None)
-            return
-        from_card = self.command.from_card
-        self._forget_block()
-        if plan.ends_program and from_card:
+        elif plan.ends_program and from_card:
             yield self._end_command(None)
+
+    def _finish_block(self, at: float) -> BlockFinished:
+        block = self._block
+        assert block is not None
+        block.finished, block.ended_at = True, at
+        self._forget_block()
+        return BlockFinished(block)
 
     def _alarm(self, num: int, axis: int | None) -> AlarmRaised:
         self._clear()

@@ -5,8 +5,8 @@ No motion and no state. The one rule: a code that is not in the table does not e
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Final
+from functools import lru_cache
+from typing import Final, NamedTuple
 
 ERR_UNKNOWN_COMMAND: Final = 1
 ERR_PARAMETER: Final = 2
@@ -54,8 +54,7 @@ class BlockError(Exception):
         self.num = num
 
 
-@dataclass(frozen=True, slots=True)
-class Words:
+class Words(NamedTuple):
     """A block taken apart: its codes in the order written, and the other words by letter."""
 
     codes: tuple[str, ...]
@@ -70,29 +69,34 @@ def read_block(text: str) -> Words:
     """Raises BlockError for what is no word, a letter twice, two motions, and a code that does not exist."""
     codes: list[str] = []
     values: dict[str, float] = {}
-    end = 0
-    while end < len(text):
-        match = _WORD.match(text, end)
-        if match is None:
-            if text[end:].isspace():
-                break
+    # Between two words there is nothing: what the split leaves over there is no word.
+    *pieces, rest = _WORD.split(text)
+    for strange, letter, digits in zip(pieces[::3], pieces[1::3], pieces[2::3], strict=True):
+        number = float(digits)
+        if strange or not -MAX_NUMBER <= number <= MAX_NUMBER:
             raise BlockError(ERR_BAD_WORD)
-        end = match.end()
-        letter, number = match[1].upper(), float(match[2])
-        if abs(number) > MAX_NUMBER:
-            raise BlockError(ERR_BAD_WORD)
-        if letter in "GMW":
-            code = f"{letter}{number:g}"
-            if code not in CODES:
-                raise BlockError(ERR_UNKNOWN_CODE)
-            codes.append(code)
-        elif letter not in VALUE_LETTERS or letter in values:
-            raise BlockError(ERR_BAD_WORD)
-        else:
+        letter = letter.upper()
+        if letter in VALUE_LETTERS:
+            if letter in values:
+                raise BlockError(ERR_BAD_WORD)
             values[letter] = number
+        elif letter in "GMW":
+            codes.append(_code(letter, digits))
+        else:
+            raise BlockError(ERR_BAD_WORD)
+    if rest and not rest.isspace():
+        raise BlockError(ERR_BAD_WORD)
     if len(codes) > 1 and any(sum(code in group for code in codes) > 1 for group in (MOTION, PLACING)):
         raise BlockError(ERR_BAD_WORD)
     return Words(tuple(codes), values)
+
+
+@lru_cache(maxsize=256)
+def _code(letter: str, digits: str) -> str:
+    code = f"{letter}{float(digits):g}"
+    if code not in CODES:
+        raise BlockError(ERR_UNKNOWN_CODE)
+    return code
 
 
 def split_batch(data: str) -> list[str]:

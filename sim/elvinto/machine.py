@@ -9,10 +9,13 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from typing import Final, Literal
 
+from sim.elvinto.admission import Situation, judge_command, judge_question
 from sim.elvinto.codec import Message
+from sim.elvinto.commands import Command
 from sim.elvinto.events import (
     AlarmCleared,
     AlarmRaised,
+    BlockFinished,
     BlockStarted,
     Booted,
     CommandAccepted,
@@ -24,17 +27,9 @@ from sim.elvinto.events import (
     SimEvent,
     ToolWanted,
 )
-from sim.elvinto.executor import Asked, Command, Executor, ProgramEnded
+from sim.elvinto.executor import Asked, Executor, ProgramEnded
 from sim.elvinto.gate import Gate, Passed
-from sim.elvinto.gcode import (
-    ERR_NO_CARD,
-    ERR_NO_FILE,
-    ERR_PARAMETER,
-    ERR_UNKNOWN_COMMAND,
-    QUERIES,
-    sd_blocks,
-    split_batch,
-)
+from sim.elvinto.gcode import ERR_PARAMETER, ERR_UNKNOWN_COMMAND, BlockError, split_batch
 from sim.elvinto.mill import ALARM_EMERGENCY, ALARM_END_SWITCH, ALARM_START_SWITCH, ALARM_START_SWITCH_FAULTY, Mill
 from sim.elvinto.reports import Reports
 from sim.elvinto.settings import SimSettings
@@ -224,27 +219,22 @@ class VirtualElvinto:
     def _blocks(self, found: Message) -> list[str]:
         return split_batch(found.params.get("DATA", b"").decode(self.settings.encoding, errors="replace"))
 
+    def _situation(self) -> Situation:
+        return Situation(self._executor.command, self.alarm is not None, self.last_id)
+
     def _admits(self, name: str, blocks: list[str], wire_id: int, raw: bytes) -> bool:
         """May this command be executed? If not, answers what the standard lets a machine answer."""
-        running = self._executor.command
-        if self.alarm is not None and name != "RESETALERT":
-            queries = self.settings.init_in_alarm and bool(blocks) and all(block.upper() in QUERIES for block in blocks)
-            if not queries:
-                self._drop("alarm", raw)
-                return False
-        if running is not None:
-            if wire_id == running.id and self.settings.repeat == "reack":
-                self._repeat(wire_id, ended=False)
-                return False
-            if wire_id <= self.last_id or not self.settings.estop_while_running or blocks != ["W98"]:
-                self._drop("busy", raw)
-                return False
-            self._executor.abort(self._now)
-            return True
-        if wire_id <= self.last_id:
-            self._repeat(wire_id, ended=True)
-            return False
-        return True
+        match judge_command(self.settings, self._situation(), name, wire_id, blocks):
+            case "execute":
+                return True
+            case "interrupt":
+                self._executor.abort(self._now)
+                return True
+            case "acknowledged" | "answered" as before:
+                self._repeat(wire_id, ended=before == "answered")
+            case refusal:
+                self._drop(refusal, raw)
+        return False
 
     def _repeat(self, wire_id: int, *, ended: bool) -> None:
         """An ID ≤ the last one is never executed again (§6); acknowledging it again is the machine's habit."""
@@ -284,26 +274,18 @@ class VirtualElvinto:
                 self._voice.say("TOOL", ("NUM", str(self._tool_wanted)))
 
     def _listens(self, raw: bytes) -> bool:
-        if self._executor.command is not None:
-            self._drop("busy", raw)
-        elif self.alarm is not None and not self.settings.init_in_alarm:
-            self._drop("alarm", raw)
-        else:
-            return True
-        return False
+        refusal = judge_question(self.settings, self._situation())
+        if refusal is not None:
+            self._drop(refusal, raw)
+        return refusal is None
 
     # The SD card.
 
     def _run(self, wire_id: int, name: bytes) -> None:
-        files = self.settings.sd_files
-        if files is None or self.settings.sd_fs != "FAT":
-            self._end(CommandEnded(wire_id, ERR_NO_CARD))
-            return
-        content = files.get(name.decode(self.settings.encoding, errors="replace"))
-        if content is None:
-            self._end(CommandEnded(wire_id, ERR_NO_FILE))
-            return
-        self._start(Command(wire_id, sd_blocks(content, self.settings.encoding), from_card=True))
+        try:
+            self._start(Command.file(wire_id, name, self.settings))
+        except BlockError as error:
+            self._end(CommandEnded(wire_id, error.num))
 
     # Execution.
 
@@ -317,16 +299,18 @@ class VirtualElvinto:
         from_card = command is not None and command.from_card
         for happening in happenings:
             match happening:
+                case BlockStarted(block):
+                    self._note(block)
+                    if not self.settings.instant and self._reports_moves(from_card) and self._executor.moving:
+                        self._reports.moving(self._now)
+                case BlockFinished():
+                    pass
                 case Asked(code):
                     self._tell(code)
                     continue
                 case ProgramEnded():
                     self.last_id = 0
                     continue
-                case BlockStarted(block):
-                    self._note(block)
-                    if self._reports_moves(from_card) and self._executor.moving and not self.settings.instant:
-                        self._reports.moving(self._now)
                 case ToolWanted(num):
                     self._tool_wanted = num
                     self._voice.say("TOOL", ("NUM", str(num)))

@@ -53,13 +53,26 @@ class Plan:
     emergency: bool = False
     ends_program: bool = False
 
+    @property
+    def only_moves(self) -> bool:
+        """Nothing else happens at its end: of almost every block that is true."""
+        told = self.alarm is not None or self.tool is not None or self.query is not None
+        return not (told or self.emergency or self.ends_program)
+
 
 Placing: TypeAlias = Callable[["Mill", Words, Plan], None]
 
 
-def _shift(point: Point, by: Point, sign: float = 1.0) -> Point:
-    x, y, z, a, b, c = (p + sign * d for p, d in zip(point, by, strict=True))
-    return (x, y, z, a, b, c)
+def _plus(point: Point, by: Point) -> Point:
+    x, y, z, a, b, c = point
+    dx, dy, dz, da, db, dc = by
+    return (x + dx, y + dy, z + dz, a + da, b + db, c + dc)
+
+
+def _minus(point: Point, by: Point) -> Point:
+    x, y, z, a, b, c = point
+    dx, dy, dz, da, db, dc = by
+    return (x - dx, y - dy, z - dz, a - da, b - db, c - dc)
 
 
 def _replace(point: Point, **axes: float) -> Point:
@@ -116,7 +129,8 @@ class Mill:
         values = words.values
         self.feed_mm_min = values.get("F", self.feed_mm_min)
         self.spindle_rpm = values.get("S", self.spindle_rpm)
-        self.tool = int(values.get("T", self.tool))
+        if "T" in values:
+            self.tool = int(values["T"])
         motion = placing = ""
         for code in words.codes:
             if code in MOTION:
@@ -142,12 +156,12 @@ class Mill:
         if not done:
             return
         before, was = self.shown, self._true
-        if any(leg.rebases for leg in done):
+        if plan.homes and any(leg.rebases for leg in done):
             before, was = ORIGIN, ORIGIN
             self.offset = ORIGIN
             self.envelope = True
         self.shown = done[-1].end if elapsed_s is None else done[-1].after(elapsed_s)
-        self._true = _shift(was, _shift(self.shown, before, -1.0))
+        self._true = _plus(was, _minus(self.shown, before))
 
     def _reset_modal(self) -> None:
         """M30: end of program with a reset of the modal functions (§3)."""
@@ -212,11 +226,11 @@ class Mill:
         return feed / 60
 
     def _target(self, start: Point, values: dict[str, float]) -> Point:
-        x, y, z, a, b, c = (
-            values.get(axis, here) if self.absolute else here + values.get(axis, 0.0)
-            for axis, here in zip(AXES, start, strict=True)
-        )
-        return (x, y, z, a, b, c)
+        x, y, z, a, b, c = start
+        get = values.get
+        if self.absolute:
+            return (get("X", x), get("Y", y), get("Z", z), get("A", a), get("B", b), get("C", c))
+        return _plus(start, (get("X", 0.0), get("Y", 0.0), get("Z", 0.0), get("A", 0.0), get("B", 0.0), get("C", 0.0)))
 
     def _move(self, motion: str, words: Words, plan: Plan) -> None:
         start = self._at(plan)
@@ -277,7 +291,7 @@ class Mill:
             plan.alarm, self.faulty_switch = self.faulty_switch, None
             return
         start = self._at(plan)
-        home = _shift(_shift(self.shown, self._true, -1.0), (0.0, 0.0, self._settings.safe_z, 0.0, 0.0, 0.0))
+        home = _plus(_minus(self.shown, self._true), (0.0, 0.0, self._settings.safe_z, 0.0, 0.0, 0.0))
         for axes in ("Z", "ZY", "ZYX"):
             self._go(plan, _replace(start, **{axis: home[AXES.index(axis)] for axis in axes}))
         base = (0.0, 0.0, self._settings.safe_z, *self._true[3:])
@@ -313,7 +327,7 @@ class Mill:
         self._show(_replace(self.shown, Z=0.0))
 
     def _show(self, point: Point) -> None:
-        self.offset = _shift(_shift(self.offset, self.shown), point, -1.0)
+        self.offset = _minus(_plus(self.offset, self.shown), point)
         self.shown = point
 
     def g100(self, words: Words, plan: Plan) -> None:
@@ -341,7 +355,7 @@ class Mill:
 
     def _guard(self, plan: Plan) -> None:
         """The positioner outside the field is an alarm (§7): the carriage comes as far as the border."""
-        low, high = _shift(self._low, self.offset, -1.0), _shift(self._high, self.offset, -1.0)
+        low, high = _minus(self._low, self.offset), _minus(self._high, self.offset)
         for index, leg in enumerate(plan.legs):
             found = first_exit(leg, low, high)
             if found is not None:

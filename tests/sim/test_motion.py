@@ -135,3 +135,36 @@ def test_an_arc_bulges_over_the_border_between_two_points_inside() -> None:
     assert found is not None
     assert (found.axis, found.beyond_end) == (0, False)
     assert leg.cut(found.fraction).end[0] == pytest.approx(0.0, abs=1e-5)
+
+
+COORDINATE = st.floats(-40, 140).map(lambda value: round(value, 2))
+
+
+@given(
+    start=st.tuples(COORDINATE, COORDINATE, st.floats(-12, 12)),
+    end=st.tuples(COORDINATE, COORDINATE, st.floats(-12, 12)),
+    offset=st.none() | st.tuples(st.floats(-30, 30), st.floats(-30, 30)),
+    clockwise=st.booleans(),
+)
+def test_a_leg_without_an_exit_stays_in_the_field_and_one_with_an_exit_does_not(
+    start: tuple[float, float, float],
+    end: tuple[float, float, float],
+    offset: tuple[float, float] | None,
+    clockwise: bool,
+) -> None:
+    first, last = point(*start), point(*end)
+    leg = Leg(first, last, 1.0, 1.0)
+    if offset is not None:
+        leg = Leg(first, last, 1.0, 1.0, *arc_by_centre(first, last, offset, clockwise=clockwise))
+    places = [leg.at(sample / 128) for sample in range(129)]
+    inside = all(
+        low - 1e-5 <= value <= high + 1e-5
+        for place in places
+        for low, value, high in zip(LOW, place, HIGH, strict=True)
+    )
+    found = first_exit(leg, LOW, HIGH)
+    if found is None:
+        assert inside
+    else:
+        beyond = leg.at(min(1.0, found.fraction + 1e-6))[found.axis]
+        assert beyond <= LOW[found.axis] + 1e-2 or beyond >= HIGH[found.axis] - 1e-2

@@ -2,8 +2,9 @@
 
 import pytest
 
+from sim.elvinto.commands import Command
 from sim.elvinto.events import AlarmRaised, BlockFinished, BlockStarted, CommandEnded, ToolWanted
-from sim.elvinto.executor import Asked, Command, Executor, ProgramEnded
+from sim.elvinto.executor import Asked, Executor, ProgramEnded
 from sim.elvinto.mill import Mill
 from sim.elvinto.settings import SimSettings
 

@@ -25,6 +25,8 @@ from sim.elvinto.gcode import (
         ("G81.99X1", ("G81.99",), {"X": 1.0}),
         ("M06T3", ("M6",), {"T": 3.0}),
         ("W95", ("W95",), {}),
+        (" \tx 1  y-2 ", (), {"X": 1.0, "Y": -2.0}),
+        ("", (), {}),
         ("G0 G28", ("G0", "G28"), {}),
     ],
 )
@@ -34,7 +36,7 @@ def test_reads(text: str, codes: tuple[str, ...], values: dict[str, float]) -> N
     assert words.values == values
 
 
-@pytest.mark.parametrize("code", ["G4P1", "G20", "G43", "G53", "G98", "M0", "M2", "M9", "W1", "G1.5", "G28.1"])
+@pytest.mark.parametrize("code", ["G4P1", "G20", "G43", "G53", "G98", "M0", "M2", "M9", "W1", "G1.5", "G28.1", "G0G-0"])
 def test_codes_that_do_not_exist_here(code: str) -> None:
     with pytest.raises(BlockError) as caught:
         read_block(code)
@@ -58,6 +60,9 @@ def test_codes_that_do_not_exist_here(code: str) -> None:
         "G0G1X1",
         "G28G92",
         "Ж1",
+        "X1?Y2",
+        "?X1",
+        "E1",
     ],
 )
 def test_blocks_that_are_none(text: str) -> None:
