@@ -1,5 +1,6 @@
 """Arcs: lengths, sweeps and extremes against walking along them."""
 
+from dataclasses import dataclass
 from math import cos, hypot, isclose, nan, pi, sin
 
 import numpy as np
@@ -7,15 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from gcode.arcs import (
-    Arc,
-    arc_from_offsets,
-    arc_from_radius,
-    arcs_from_offsets,
-    arcs_from_radius,
-    extremes_of,
-    reach,
-)
+from gcode.arcs import arcs_from_offsets, arcs_from_radius, extremes_of, reach
 from gcode.interpreter import Interpreter
 from gcode.profile import load_profile
 from gcode.words import parse_block
@@ -23,6 +16,44 @@ from tests.harness.programs import thorough
 
 lengths = st.floats(-100, 100).map(lambda value: round(value, 3))
 angles = st.floats(0.01, 2 * pi - 0.01)
+
+
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Arc:
+    """One arc, taken out of columns of three: its neighbours must not matter."""
+
+    way: Pair
+    centre: Pair
+    radius: float
+    end_radius: float
+    sweep: float
+
+    @property
+    def length(self) -> float:
+        return abs(self.sweep) * self.radius
+
+    def extremes(self) -> tuple[list[float], list[float]]:
+        columns = [np.array([values] * 3).T for values in (self.centre, self.way)]
+        low, high = extremes_of(columns[0], np.full(3, self.radius), np.full(3, self.sweep), columns[1])
+        return low[:, 1].tolist(), high[:, 1].tolist()
+
+
+def arc_from_offsets(way: Pair, centre: Pair, *, clockwise: bool) -> Arc | None:
+    ways, centres = np.array([(1.0, 2.0), way, (nan, 0.0)]).T, np.array([(3.0, 4.0), centre, (0.0, 0.0)]).T
+    found, radius, end_radius, sweep = arcs_from_offsets(ways, centres, np.array([True, clockwise, False]))
+    if np.isnan(sweep[1]):
+        return None
+    x, y = found[:, 1].tolist()
+    return Arc(way, (x, y), float(radius[1]), float(end_radius[1]), float(sweep[1]))
+
+
+def arc_from_radius(way: Pair, radius: float, *, clockwise: bool) -> Arc | None:
+    ways, radii = np.array([(1.0, 2.0), way, (0.0, 0.0)]).T, np.array([3.0, radius, 4.0])
+    x, y = arcs_from_radius(ways, radii, np.array([False, clockwise, True]))[:, 1].tolist()
+    return None if np.isnan(x) else arc_from_offsets(way, (x, y), clockwise=clockwise)
 
 
 def walk(arc: Arc, steps: int = 2000) -> list[tuple[float, float]]:
@@ -88,59 +119,6 @@ def test_radius_form_chooses_by_its_sign(x: float, y: float, factor: float, cloc
     assert isclose(arc.end_radius, abs(radius), rel_tol=1e-6)
     assert (abs(arc.sweep) > pi) == negative
     assert (arc.sweep < 0) == clockwise
-
-
-# --- columns ------------------------------------------------------------------------------------------------------
-
-
-def columns(*arcs: Arc) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Way, centre, radius, sweep of these arcs."""
-    way = np.array([arc.way for arc in arcs]).T
-    centre = np.array([arc.centre for arc in arcs]).T
-    return way, centre, np.array([arc.radius for arc in arcs]), np.array([arc.sweep for arc in arcs])
-
-
-@given(st.lists(st.tuples(lengths, lengths, lengths, lengths, st.booleans()), min_size=1, max_size=6))
-@thorough
-def test_columns_are_the_same_arcs(words: list[tuple[float, float, float, float, bool]]) -> None:
-    arcs = [arc_from_offsets(word[:2], word[2:4], clockwise=word[4]) for word in words]
-    way, centre = np.array([word[:2] for word in words]).T, np.array([word[2:4] for word in words]).T
-    found = arcs_from_offsets(way, centre, np.array([word[4] for word in words]))
-    for n, arc in enumerate(arcs):
-        if arc is None:
-            assert np.isnan(found[3][n])
-            continue
-        assert (found[1][n], found[2][n]) == pytest.approx((arc.radius, arc.end_radius))
-        assert found[3][n] == pytest.approx(arc.sweep)
-
-
-@given(st.lists(st.tuples(st.floats(0.5, 50), angles, angles, st.booleans()), min_size=1, max_size=6))
-@thorough
-def test_columns_reach_as_far(shapes: list[tuple[float, float, float, bool]]) -> None:
-    arcs = []
-    for radius, begin, turn, clockwise in shapes:
-        end = begin - turn if clockwise else begin + turn
-        start = (radius * cos(begin), radius * sin(begin))
-        way = (radius * cos(end) - start[0], radius * sin(end) - start[1])
-        arc = arc_from_offsets(way, (-start[0], -start[1]), clockwise=clockwise)
-        assert arc is not None
-        arcs.append(arc)
-    way, centre, radii, sweep = columns(*arcs)
-    low, high = extremes_of(centre, radii, sweep, way)
-    for n, arc in enumerate(arcs):
-        assert low[:, n].tolist() == pytest.approx(arc.extremes()[0], abs=1e-6)
-        assert high[:, n].tolist() == pytest.approx(arc.extremes()[1], abs=1e-6)
-
-
-@given(lengths, lengths, lengths, st.booleans())
-@thorough
-def test_columns_by_radius_are_the_same_arcs(x: float, y: float, radius: float, clockwise: bool) -> None:
-    arc = arc_from_radius((x, y), radius, clockwise=clockwise)
-    found = arcs_from_radius(np.array([[x], [y]]), np.array([radius]), np.array([clockwise]))
-    if arc is None:
-        assert np.isnan(found).all()
-    else:
-        assert found[:, 0].tolist() == pytest.approx(arc.centre, abs=1e-9)
 
 
 def test_turns_and_what_is_not_known() -> None:

@@ -11,10 +11,10 @@ from gcode.clean import clean
 from gcode.columns import Columns, read_columns
 from gcode.compact import Compactor
 from gcode.interpret import Reading
-from gcode.interpreter import Interpreter
-from gcode.modal import Tracker
-from gcode.motion import Motion, Position
+from gcode.interpreter import Interpreter, power_on
+from gcode.motion import Position
 from gcode.profile import load_profile
+from gcode.segments import Segments
 from gcode.words import Block, parse_block, shortest
 from tests.harness.programs import elvinto, motion_lines, positions, program_lines, thorough
 
@@ -74,25 +74,29 @@ def test_forget_drops_nothing_afterwards() -> None:
 @thorough
 def test_the_motion_is_the_same(lines: list[str], position: Position, absolute: bool | None) -> None:
     compactor = Compactor(elvinto())
-    original = Tracker(elvinto(), Motion(), position, absolute=absolute)
-    shorter = Tracker(elvinto(), Motion(), position, absolute=absolute)
-    for line in lines:
+    original, shorter = machine(position, absolute), machine(position, absolute)
+    for number, line in enumerate(lines, 1):
         block = parse_block(line)
         text = compactor.compact(block)
-        again = parse_block(text)
-        assert not again.faults
-        step, step_again = original.step(block), shorter.step(again)
-        assert (step.moves, step.kind, step.end, step.arc) == (
-            step_again.moves,
-            step_again.kind,
-            step_again.end,
-            step_again.arc,
-        ), (line, text)
-        assert step.seconds == pytest.approx(step_again.seconds, abs=1e-9)
-        assert step.length_mm == pytest.approx(step_again.length_mm, abs=1e-9)
-        assert original.position == shorter.position
-        assert original.modal == shorter.modal
+        assert not parse_block(text).faults
+        original.step(number, block)
+        shorter.step(number, parse_block(text))
+        assert original.state.modes() == shorter.state.modes(), (line, text)
         assert len(text) <= len(clean(block))
+    assert_same_motion(original.take(), shorter.take())
+
+
+def machine(position: Position, absolute: bool | None) -> Interpreter:
+    """A machine that stands there, by the reference interpreter."""
+    state = power_on(elvinto())
+    state.locate(dict(position))
+    state.absolute = absolute
+    return Interpreter(elvinto(), state)
+
+
+def assert_same_motion(before: Segments, after: Segments) -> None:
+    for name in ("line", "kind", "start", "end", "feed", "spindle", "sync", "dwell_s", "radius", "sweep", "centre"):
+        np.testing.assert_allclose(getattr(before, name), getattr(after, name), rtol=0, atol=1e-9, err_msg=name)
 
 
 class Rows:
@@ -163,9 +167,7 @@ def test_many_rows_at_once_are_the_same_motion(lines: list[str], profile: str) -
     for number, (line, text) in enumerate(zip(lines, rows.written, strict=True), 1):
         original.step(number, parse_block(line))
         shorter.step(number, parse_block(text))
-    before, after = original.take(), shorter.take()
-    for name in ("line", "kind", "start", "end", "feed", "spindle", "sync", "dwell_s", "radius", "sweep", "centre"):
-        np.testing.assert_allclose(getattr(before, name), getattr(after, name), rtol=0, atol=1e-9, err_msg=name)
+    assert_same_motion(original.take(), shorter.take())
 
 
 @given(st.lists(motion_lines, min_size=1, max_size=20), st.lists(motion_lines, max_size=20), positions)
@@ -175,14 +177,16 @@ def test_the_state_of_the_machine_before_does_not_matter(
 ) -> None:
     """A machine in any state runs the compacted program as it would run the original."""
     compactor = Compactor(elvinto())
-    original = Tracker(elvinto(), Motion(), position, absolute=None)
+    original = machine(position, None)
     for line in before:
-        original.step(parse_block(line))
-    shorter = original.copy()
-    for line in lines:
-        original.step(parse_block(line))
-        shorter.step(parse_block(compactor.compact(parse_block(line))))
-    assert (original.position, original.modal) == (shorter.position, shorter.modal)
+        original.step(1, parse_block(line))
+    original.take()
+    shorter = Interpreter(elvinto(), original.state.copy())
+    for number, line in enumerate(lines, 1):
+        original.step(number, parse_block(line))
+        shorter.step(number, parse_block(compactor.compact(parse_block(line))))
+    assert original.state.modes() == shorter.state.modes()
+    assert_same_motion(original.take(), shorter.take())
 
 
 @given(st.lists(st.text(max_size=25), max_size=10))

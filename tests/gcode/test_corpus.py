@@ -4,14 +4,14 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from gcode.check import check_program
 from gcode.check.words import judge
 from gcode.compact import Compactor
+from gcode.interpreter import Interpreter
 from gcode.lines import split_lines
-from gcode.modal import Tracker
-from gcode.motion import Motion
 from gcode.profile import load_profile, profile_names
 from gcode.words import decode_line, parse_block, parse_carefully
 from tests.gcode.corpus_findings import HEAD, TABLE, begin_of, rows_of
@@ -93,10 +93,12 @@ def test_what_the_check_says_of_real_files_changes_only_on_purpose() -> None:
 def test_compaction_keeps_the_motion_of_real_programs() -> None:
     for path in corpus_files():
         compactor = Compactor(elvinto())
-        original, shorter = Tracker(elvinto(), Motion(), {}), Tracker(elvinto(), Motion(), {})
-        for raw in lines_of(path.name, path.read_bytes()):
+        original, shorter = Interpreter(elvinto()), Interpreter(elvinto())
+        for number, raw in enumerate(lines_of(path.name, path.read_bytes()), 1):
             block = parse_block(decode_line(raw))
-            step = original.step(block)
-            again = shorter.step(parse_block(compactor.compact(block)))
-            assert (step.kind, step.end, step.arc) == (again.kind, again.end, again.arc), (path.name, raw)
-            assert abs(step.seconds - again.seconds) < 1e-9, (path.name, raw)
+            original.step(number, block)
+            shorter.step(number, parse_block(compactor.compact(block)))
+        before, after = original.take(), shorter.take()
+        for name in ("line", "kind", "start", "end", "feed", "spindle", "dwell_s", "sweep", "centre"):
+            message = f"{path.name}: {name}"
+            np.testing.assert_allclose(getattr(before, name), getattr(after, name), rtol=0, atol=1e-9, err_msg=message)
