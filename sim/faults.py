@@ -1,17 +1,36 @@
 """Wires that do harm, seeded and repeatable; one object is one direction. Pure: bytes and `now` in, bytes out later.
 
-They know of the machine's language only that a message ends with `;` and that a check header belongs to what follows.
+They know of the machine's language only where a message ends and that a check header belongs to what follows.
 The one rule: the same seed and the same calls give the same bytes at the same times.
 """
 
 import math
+import re
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
+from typing import Final
 
 BITS_PER_BYTE = 10
 """8N1: a start bit, eight bits, a stop bit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Framing:
+    """Where messages end: after `end`, and after every byte of `alone`, which is a message of its own."""
+
+    end: bytes = b";"
+    alone: bytes = b""
+
+    def ends(self) -> re.Pattern[bytes]:
+        return re.compile(b"[" + re.escape(self.end + self.alone) + b"]")
+
+
+MESSAGES: Final = Framing()
+"""ElVinto."""
+LINES: Final = Framing(b"\n", b"?!~\x18\x19" + bytes(range(0x80, 0x100)))
+"""Grbl: lines, and realtime bytes that act wherever they stand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +49,7 @@ class Drop:
     def covers(self, message: bytes) -> bool:
         if self.match is not None:
             return self.match(message)
-        return message.rstrip(b";").split(b",", 1)[0].strip() == self.name.encode("ascii")
+        return message.rstrip(b";\r\n").split(b",", 1)[0].strip() == self.name.encode("ascii")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +82,8 @@ class PacedWire:
     `baud` 0 is a wire without any time of its own.
     """
 
-    def __init__(self, baud: int = 0) -> None:
+    def __init__(self, baud: int = 0, *, framing: Framing = MESSAGES) -> None:
+        self._ends = framing.ends()
         self._byte_s = BITS_PER_BYTE / baud if baud else 0.0
         self._flying: deque[tuple[float, bytes]] = deque()
         self._free_at = -math.inf
@@ -103,8 +123,8 @@ class PacedWire:
         if not self._flying:
             return None
         start_at, data = self._flying[0]
-        end = data.find(b";") + 1 or len(data)
-        return start_at + end * self._byte_s
+        found = self._ends.search(data)
+        return start_at + (found.end() if found else len(data)) * self._byte_s
 
     def clear(self) -> None:
         """What is on its way is lost."""
@@ -123,10 +143,13 @@ class PacedWire:
 class HostileWire:
     """One direction of a wire with faults, in front of a line of `baud`."""
 
-    def __init__(self, seed: int, rates: FaultRates | None = None, *, baud: int = 0) -> None:
+    def __init__(
+        self, seed: int, rates: FaultRates | None = None, *, baud: int = 0, framing: Framing = MESSAGES
+    ) -> None:
         self._rates = rates or FaultRates()
         self._random = Random(seed)
-        self._line = PacedWire(baud)
+        self._line = PacedWire(baud, framing=framing)
+        self._message = re.compile(b"[^" + re.escape(framing.end + framing.alone) + b"]*" + framing.ends().pattern)
         self._held = b""
         self._seen = [0] * len(self._rates.drops)
         self._whole_until = self._next_gap()
@@ -208,11 +231,12 @@ class HostileWire:
         """Takes out what `drops` names. Only with drops: half messages and headers wait for what belongs to them."""
         if not self._rates.drops:
             return data
-        *whole, self._held = (self._held + data).split(b";")
+        came = self._held + data
+        whole = self._message.findall(came)
+        self._held = came[sum(map(len, whole)) :]
         kept: list[bytes] = []
         header = b""
-        for text in whole:
-            message = text + b";"
+        for message in whole:
             if message.lstrip().startswith(b"CRC"):
                 kept.append(header)
                 header = message

@@ -1,7 +1,7 @@
 """Puts a virtual machine behind a TCP port, a pseudo-terminal or a pair of callbacks. The only impure file of `sim`.
 
-It knows nothing of what the machine speaks: any object with the five verbs will do. The one rule: the machine lives on
-when nobody is connected, as a real one does; what it says then is lost, as on a real line.
+It knows nothing of what the machine speaks: any object with the verbs will do. The one rule: the machine lives on when
+nobody is connected, as a real one does; what it says then is lost, as on a real line.
 """
 
 import asyncio
@@ -10,12 +10,10 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
-from sim.elvinto.events import Executed
-from sim.elvinto.machine import VirtualElvinto
-from sim.elvinto.settings import SimSettings
-from sim.faults import FaultRates, HostileWire
+from sim.faults import MESSAGES, FaultRates, Framing, HostileWire
+from sim.kinds import Recorded, Settings, build
 
 READ_BYTES = 65_536
 
@@ -29,6 +27,21 @@ class Machine(Protocol):
     def handle_timer(self, now: float) -> None: ...
 
 
+@runtime_checkable
+class Framed(Protocol):
+    """A machine whose messages do not end with `;`."""
+
+    @property
+    def framing(self) -> Framing: ...
+
+
+@runtime_checkable
+class NoticesOpening(Protocol):
+    """A machine to which it matters that the port was opened: DTR resets an Arduino."""
+
+    def line_opened(self, now: float) -> None: ...
+
+
 class Pump:
     """Moves bytes between a machine and a way out, through two wires; one timer. `say` takes what the machine says."""
 
@@ -36,13 +49,19 @@ class Pump:
         self.machine = machine
         self.say: Callable[[bytes], None] | None = None
         self._loop = asyncio.get_running_loop()
-        self._down = HostileWire(seed, faults, baud=baud)
-        self._up = HostileWire(seed + 1, faults, baud=baud)
+        framing = machine.framing if isinstance(machine, Framed) else MESSAGES
+        self._down = HostileWire(seed, faults, baud=baud, framing=framing)
+        self._up = HostileWire(seed + 1, faults, baud=baud, framing=framing)
         self._timer: asyncio.TimerHandle | None = None
 
     def hear(self, data: bytes) -> None:
         self._down.send(data, self._loop.time())
         self.turn()
+
+    def opened(self) -> None:
+        """Somebody has opened the port."""
+        if isinstance(self.machine, NoticesOpening):
+            self.machine.line_opened(self._loop.time())
 
     def turn(self) -> None:
         """To be called after anything was done to the machine from outside, too."""
@@ -79,6 +98,7 @@ class MemoryLink:
         self._on_data = on_data
         self._loop = asyncio.get_running_loop()
         self._open = True
+        pump.opened()
         pump.turn()
         pump.say = self._say
 
@@ -156,6 +176,8 @@ class TcpShell:
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._cut()
         self._client = writer
+        self.pump.opened()
+        self.pump.turn()
         try:
             while data := await reader.read(READ_BYTES):
                 if self._client is not writer:
@@ -192,6 +214,7 @@ async def serve_tcp(
 class PtyShell:
     """A machine behind a pseudo-terminal, with a link at a path of our choice.
 
+    That somebody opens it cannot be seen from here: a machine that a DTR pulse would reset is not reset.
     We keep the slave open ourselves: without that the master reads nothing but EIO between two daemons.
     """
 
@@ -275,14 +298,14 @@ async def serve_pty(
 
 
 @contextmanager
-def recording(path: Path | None) -> Iterator[Callable[[Executed], None] | None]:
+def recording(path: Path | None) -> Iterator[Callable[[Recorded], None] | None]:
     """A line `id TAB block` for every block as it begins, written before the machine says anything about it."""
     if path is None:
         yield None
         return
     with path.open("a", encoding="utf-8", newline="\n") as file:
 
-        def record(block: Executed) -> None:
+        def record(block: Recorded) -> None:
             file.write(f"{block.id}\t{' '.join(block.text.split())}\n")
             file.flush()
 
@@ -290,7 +313,7 @@ def recording(path: Path | None) -> Iterator[Callable[[Executed], None] | None]:
 
 
 async def run(
-    settings: SimSettings,
+    settings: Settings,
     *,
     pty: Path | None,
     tcp: str | None,
@@ -300,9 +323,9 @@ async def run(
     ready: Callable[[str], None],
     baud: int = 0,
 ) -> None:
-    """`millstream sim elvinto`: serves until cancelled. `ready` gets the address. Raises OSError, ValueError."""
+    """`millstream sim`: serves until cancelled. `ready` gets the address. Raises OSError, ValueError."""
     with recording(record) as on_block:
-        machine = VirtualElvinto(settings, now=asyncio.get_running_loop().time(), on_block=on_block)
+        machine = build(settings, now=asyncio.get_running_loop().time(), on_block=on_block)
         if tcp is not None:
             host, port = split_address(tcp)
             shell = await serve_tcp(machine, host, port, faults=faults, seed=seed, baud=baud)

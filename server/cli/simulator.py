@@ -5,15 +5,15 @@ The one rule: this only carries options to `sim.shell`; every machine's settings
 
 import asyncio
 import contextlib
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 from urllib.parse import urlencode
 
 import typer
 
 from server.cli.common import CliError, ExitCode, on_stop_signal, safe, say
-from sim.options import SimOptions, options_from_query
+from sim.options import SimOptions, grbl_options_from_query, options_from_query
 from sim.shell import run
 
 group = typer.Typer(help="Virtual machines, for trying things out without a workshop.", no_args_is_help=True)
@@ -29,30 +29,39 @@ def sim() -> None:
     """Virtual machines, for trying things out without a workshop."""
 
 
+Pty = Annotated[Path | None, typer.Option(help="Link to make to the pseudo-terminal, e.g. /tmp/mill.")]
+Tcp = Annotated[str | None, typer.Option(help="HOST:PORT to listen on instead.")]
+Speed = Annotated[float | None, typer.Option(min=0.001, help="How many times faster than life it moves.")]
+Baud = Annotated[int | None, typer.Option(min=0, help="Pace of the wire; 0: it takes no time.")]
+Loss = Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to be lost.")]
+Flip = Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to have a bit flipped.")]
+Duplicate = Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to come twice.")]
+Noise = Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a burst of noise with what is sent.")]
+Delay = Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a delay of what is sent.")]
+Seed = Annotated[int, typer.Option(help="Of the faults: the same seed, the same faults.")]
+Option = Annotated[
+    list[str] | None,
+    typer.Option("--option", "-o", help="KEY=VALUE, as in sim:?KEY=VALUE (docs/configuration.md)."),
+]
+
+
 @group.command()
 def elvinto(
-    pty: Annotated[Path | None, typer.Option(help="Link to make to the pseudo-terminal, e.g. /tmp/mill.")] = None,
-    tcp: Annotated[str | None, typer.Option(help="HOST:PORT to listen on instead.")] = None,
-    speed: Annotated[float | None, typer.Option(min=0.001, help="How many times faster than life it moves.")] = None,
+    pty: Pty = None,
+    tcp: Tcp = None,
+    speed: Speed = None,
     repeat: Annotated[str | None, typer.Option(help="Answer to a repeated ID: silent or reack.")] = None,
-    baud: Annotated[int | None, typer.Option(min=0, help="Pace of the wire; 0: it takes no time.")] = None,
-    loss: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to be lost.")] = None,
-    flip: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to have a bit flipped.")] = None,
-    duplicate: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a byte to come twice.")] = None,
-    noise: Annotated[
-        float | None, typer.Option(min=0, max=1, help="Chance of a burst of noise with what is sent.")
-    ] = None,
-    delay: Annotated[float | None, typer.Option(min=0, max=1, help="Chance of a delay of what is sent.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the faults: the same seed, the same faults.")] = 0,
+    baud: Baud = None,
+    loss: Loss = None,
+    flip: Flip = None,
+    duplicate: Duplicate = None,
+    noise: Noise = None,
+    delay: Delay = None,
+    seed: Seed = 0,
     record: Annotated[Path | None, typer.Option(help="File to which every executed block is appended.")] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option("--option", "-o", help="KEY=VALUE, as in sim:?KEY=VALUE (docs/configuration.md)."),
-    ] = None,
+    option: Option = None,
 ) -> None:
     """An ElVinto v11 mill; runs until Ctrl-C. Without --pty and --tcp on a pseudo-terminal of any name."""
-    if pty is not None and tcp is not None:
-        raise CliError(ExitCode.USAGE, "--pty and --tcp exclude each other.")
     named = {
         "speed_factor": speed,
         "repeat": repeat,
@@ -64,7 +73,45 @@ def elvinto(
         "delay": delay,
         "seed": seed,
     }
-    options = _options({key: value for key, value in named.items() if value is not None}, option or [])
+    options = _options(options_from_query, named, option or [])
+    _serve(options, "virtual ElVinto mill", pty=pty, tcp=tcp, record=record)
+
+
+@group.command()
+def grbl(
+    pty: Pty = None,
+    tcp: Tcp = None,
+    flavour: Annotated[str | None, typer.Option(help="1.1h or grblHAL.")] = None,
+    speed: Speed = None,
+    baud: Baud = None,
+    loss: Loss = None,
+    flip: Flip = None,
+    duplicate: Duplicate = None,
+    noise: Noise = None,
+    delay: Delay = None,
+    seed: Seed = 0,
+    record: Annotated[Path | None, typer.Option(help="File to which every line that was taken is appended.")] = None,
+    option: Option = None,
+) -> None:
+    """A Grbl controller; runs until Ctrl-C. Without --pty and --tcp on a pseudo-terminal of any name."""
+    named = {
+        "flavour": flavour,
+        "speed_factor": speed,
+        "baud": baud,
+        "loss": loss,
+        "flip": flip,
+        "duplicate": duplicate,
+        "noise": noise,
+        "delay": delay,
+        "seed": seed,
+    }
+    options = _options(grbl_options_from_query, named, option or [])
+    _serve(options, "virtual Grbl controller", pty=pty, tcp=tcp, record=record)
+
+
+def _serve(options: SimOptions[Any], what: str, *, pty: Path | None, tcp: str | None, record: Path | None) -> None:
+    if pty is not None and tcp is not None:
+        raise CliError(ExitCode.USAGE, "--pty and --tcp exclude each other.")
     serving = run(
         options.settings,
         pty=pty,
@@ -72,7 +119,7 @@ def elvinto(
         record=record,
         faults=options.faults,
         seed=options.seed,
-        ready=lambda address: say(f"virtual ElVinto mill: {address}"),
+        ready=lambda address: say(f"{what}: {address}"),
         baud=options.baud,
     )
     try:
@@ -89,13 +136,14 @@ async def _until_stopped(serving: Coroutine[None, None, None]) -> None:
         await task
 
 
-def _options(named: dict[str, object], pairs: list[str]) -> SimOptions:
+def _options(read: Callable[[str], SimOptions[Any]], named: Mapping[str, object], pairs: list[str]) -> SimOptions[Any]:
+    query = {key: value for key, value in named.items() if value is not None}
     for pair in pairs:
         key, sign, value = pair.partition("=")
         if not sign:
             raise CliError(ExitCode.USAGE, f"--option {safe(pair)}: KEY=VALUE is wanted.")
-        named[key] = value
+        query[key] = value
     try:
-        return options_from_query(urlencode(named))
+        return read(urlencode(query))
     except (ValueError, OSError) as error:
         raise CliError(ExitCode.USAGE, safe(error)) from error

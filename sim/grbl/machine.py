@@ -8,6 +8,7 @@ far as it can.
 from collections.abc import Callable
 from typing import Literal
 
+from sim.faults import LINES
 from sim.grbl import reports
 from sim.grbl.core import Core, Flag, State
 from sim.grbl.events import BytesLost, Executed, PowerLost, SimEvent
@@ -35,6 +36,8 @@ class VirtualGrbl:
 
     The machine is built running: it was switched on before anybody connected, and its banner was said to nobody.
     """
+
+    framing = LINES
 
     def __init__(
         self, settings: SimSettings, *, now: float = 0.0, on_line: Callable[[Executed], None] | None = None

@@ -11,7 +11,7 @@ from pydantic_core import PydanticUndefined
 from server.config import DEFAULT_DATA_DIR, ElvintoConfig, MachineConfig, MotionConfig, ServerConfig
 from server.configfile import describe
 from sim.faults import FaultRates
-from sim.options import KEYS, options_from_query
+from sim.options import GRBL_KEYS, KEYS, grbl_options_from_query, options_from_query
 from tests.harness.docs import page, rows, section
 
 SECTIONS: list[tuple[str, type[BaseModel]]] = [
@@ -58,6 +58,15 @@ def test_defaults_of_the_virtual_machine_are_read_as_they_are_written() -> None:
     table = rows(section(page("configuration.md"), '## Virtual machines: `port = "sim:"`'), "key", "default", "meaning")
     written = {row[0]: row[1] for row in table if row[0] != "sd" and row[1] != "none"}
     read, default = options_from_query(urlencode(written)), options_from_query("")
+    assert (read.settings, read.seed, read.baud) == (default.settings, default.seed, default.baud)
+    assert read.faults == FaultRates()
+
+
+def test_every_key_of_the_virtual_grbl_controller_and_no_other() -> None:
+    table = rows(section(page("configuration.md"), "## The virtual Grbl controller"), "key", "default", "meaning")
+    assert {row[0] for row in table} == GRBL_KEYS
+    written = {row[0]: row[1] for row in table if row[0] != "set_N"}
+    read, default = grbl_options_from_query(urlencode(written)), grbl_options_from_query("")
     assert (read.settings, read.seed, read.baud) == (default.settings, default.seed, default.baud)
     assert read.faults == FaultRates()
 

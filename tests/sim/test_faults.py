@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.faults import Drop, FaultRates, HostileWire, PacedWire
+from sim.faults import LINES, Drop, FaultRates, HostileWire, PacedWire
 
 TEXT = b"CRC16,VALUE<#1;OK,ID<#1;" * 200
 
@@ -199,3 +199,22 @@ def test_faults_lie_before_the_line() -> None:
     wire.send(b"ab;", 0.0)
     assert wire.receive(0.03) == b"aab"
     assert wire.receive(0.06) == b"b;;"
+
+
+def test_other_machines_end_their_messages_otherwise() -> None:
+    wire = PacedWire(1000, framing=LINES)
+    wire.send(b"G1\n?G2;X", 0.0)
+    timers = []
+    while (at := wire.next_timer()) is not None:
+        timers.append((round(at, 6), wire.receive(at)))
+    assert timers == [(0.03, b"G1\n"), (0.04, b"?"), (0.08, b"G2;X")]
+
+
+def test_whole_lines_can_be_dropped_and_realtime_bytes_are_lines_of_their_own() -> None:
+    wire = HostileWire(1, FaultRates(drops=(Drop("ok", first=2),)), framing=LINES)
+    wire.send(b"ok\r\n<Idle>\r\nok\r\nok\r\n", 0.0)
+    assert wire.receive(0.0) == b"ok\r\n<Idle>\r\nok\r\n"
+    wire.send(b"G1?X", 0.0)
+    assert wire.receive(0.0) == b"G1?"
+    wire.send(b"1\n", 0.0)
+    assert wire.receive(0.0) == b"X1\n"

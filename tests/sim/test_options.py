@@ -7,7 +7,15 @@ import pytest
 
 from sim.elvinto.settings import SimSettings
 from sim.faults import FaultRates
-from sim.options import EXECUTED_LIMIT, KEYS, options_from_query, settings_from_query
+from sim.grbl.simsettings import SimSettings as GrblSettings
+from sim.options import (
+    EXECUTED_LIMIT,
+    GRBL_KEYS,
+    KEYS,
+    grbl_options_from_query,
+    options_from_query,
+    settings_from_query,
+)
 
 
 @pytest.mark.parametrize("query", ["", "sim:", "sim:?", "?"])
@@ -66,3 +74,50 @@ def test_the_keys_are_the_fields() -> None:
     plain = {field.name for field in dataclasses.fields(SimSettings)} - {"travel", "start_position", "sd_files"}
     assert plain < KEYS
     assert {"travel_x", "travel_c", "loss", "seed", "baud", "sd"} < KEYS
+
+
+# Grbl.
+
+
+def test_nothing_said_is_an_uno() -> None:
+    assert grbl_options_from_query("sim:").settings == GrblSettings(executed_limit=EXECUTED_LIMIT)
+
+
+def test_every_kind_of_key_of_grbl() -> None:
+    options = grbl_options_from_query(
+        "sim:?flavour=grblHAL&rx_bytes=64&travel_z=90&start_x=-1.5&start_z=-2&probe_z=-60&set_110=8000&set_22=1&baud=115200"
+    )
+    settings = options.settings
+    assert (settings.flavour, settings.rx_bytes, settings.probe_z) == ("grblHAL", 64, -60.0)
+    assert settings.travel == {"X": 200.0, "Y": 200.0, "Z": 90.0}
+    assert settings.start_position == (-1.5, -50.0, -2.0)
+    assert settings.dollar == {110: 8000.0, 22: 1.0}
+    assert options.baud == 115200
+    assert grbl_options_from_query("probe_z=none").settings.probe_z is None
+
+
+@pytest.mark.parametrize(
+    ("query", "said"),
+    [
+        ("flavour=0.9", "1.1h, grblHAL"),
+        ("repeat=reack", "unknown key 'repeat'.*set_N"),
+        ("set_x=1", "set_110"),
+        ("set_110=fast", "must be a number"),
+        ("travel_x=0", "more than 0"),
+        ("rx_bytes=3", "at least 16"),
+        ("planner_blocks=1", "at least 2"),
+        ("speed_factor=0", "more than 0"),
+        ("line_s=-1", "not be negative"),
+        ("start_w=1", "unknown key"),
+    ],
+)
+def test_wrong_queries_of_grbl_say_what_is_allowed(query: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        grbl_options_from_query(query)
+
+
+def test_the_keys_of_grbl_are_the_fields() -> None:
+    special = {"travel", "start_position", "probe_z", "dollar"}
+    plain = {field.name for field in dataclasses.fields(GrblSettings)} - special
+    assert plain < GRBL_KEYS
+    assert {"travel_x", "start_z", "probe_z", "set_N", "loss", "seed", "baud"} < GRBL_KEYS

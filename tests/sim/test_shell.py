@@ -11,6 +11,8 @@ import pytest
 from sim.elvinto.machine import VirtualElvinto
 from sim.elvinto.settings import SimSettings
 from sim.faults import Drop, FaultRates
+from sim.grbl.machine import VirtualGrbl
+from sim.grbl.simsettings import SimSettings as GrblSettings
 from sim.shell import PtyShell, open_memory, recording, run, serve_pty, serve_tcp, split_address
 from tests.harness.elvinto_peer import frame, names, unframe
 from tests.harness.simloop import run_simulated
@@ -296,6 +298,60 @@ def test_pty_does_not_overwrite_a_file(tmp_path: Path) -> None:
         path.symlink_to("/somebody/elses")
         shell.close()
         assert path.is_symlink(), "the link was not ours any more"
+
+    play(story())
+
+
+# Another kind of machine.
+
+
+def test_lines_and_realtime_bytes_arrive_at_the_pace_of_the_wire() -> None:
+    async def story() -> None:
+        loop = asyncio.get_running_loop()
+        machine = VirtualGrbl(GrblSettings(), now=loop.time())
+        said: list[tuple[float, bytes]] = []
+        link = await open_memory(machine, lambda data: said.append((loop.time(), data)), baud=1000)
+        link.write(b"G21 (a comment)\n?")
+        await asyncio.sleep(2.0)
+        link.close()
+        answers = b"".join(data for _, data in said)
+        assert answers == b"ok\r\n<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>\r\n"
+        whole_at = next(at for nth, (at, _) in enumerate(said) if sum(len(d) for _, d in said[: nth + 1]) >= 4)
+        assert whole_at == pytest.approx(0.16 + 0.04), "16 bytes there, 4 back, 10 ms each"
+
+    run_simulated(story())
+
+
+@pytest.mark.real
+def test_opening_a_port_resets_a_board_that_dtr_resets() -> None:
+    async def story() -> None:
+        settings = GrblSettings(reset_on_open=True, boot_s=0.01)
+        shell = await serve_tcp(VirtualGrbl(settings, now=asyncio.get_running_loop().time()), "127.0.0.1", 0)
+        for _ in range(2):
+            reader, writer = await asyncio.open_connection("127.0.0.1", shell.port)
+            assert await reader.readuntil(b"help]\r\n") == b"\r\nGrbl 1.1h ['$' for help]\r\n"
+            writer.close()
+        await shell.close()
+
+    play(story())
+
+
+@pytest.mark.real
+def test_run_serves_a_grbl_controller(tmp_path: Path) -> None:
+    async def story() -> None:
+        ready: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        settings = GrblSettings(instant=True)
+        record = tmp_path / "record"
+        serving = run(settings, pty=None, tcp="127.0.0.1:0", record=record, faults=None, seed=0, ready=ready.set_result)
+        task = asyncio.create_task(serving)
+        reader, writer = await asyncio.open_connection(*split_address(await ready))
+        writer.write(b"G21\nG1 X1 F100 (one)\n")
+        await reader.readuntil(b"ok\r\nok\r\n")
+        assert record.read_text(encoding="utf-8") == "1\tG21\n2\tG1X1F100\n"
+        writer.close()
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
 
     play(story())
 

@@ -1,4 +1,4 @@
-"""sim elvinto: what is handed to the virtual machine."""
+"""sim elvinto, sim grbl: what is handed to the virtual machine."""
 
 import os
 import subprocess
@@ -38,6 +38,23 @@ def test_options_reach_the_machine(millstream: Run, handed: dict[str, Any]) -> N
     assert (settings.speed_factor, settings.repeat, settings.boot_s) == (20.0, "reack", 2.0)
     assert handed["faults"].loss == 0.01
     assert (handed["seed"], handed["baud"], handed["tcp"], handed["pty"]) == (7, 9600, "127.0.0.1:0", None)
+
+
+def test_grbl_has_its_own_options(millstream: Run, handed: dict[str, Any]) -> None:
+    outcome = millstream("sim", "grbl", "--flavour", "grblHAL", "--speed", 5, "--flip", 0.1, "-o", "set_110=8000")
+    assert (outcome.code, outcome.out) == (0, "virtual Grbl controller: /dev/pts/7\n")
+    settings = handed["settings"]
+    assert (settings.flavour, settings.speed_factor, settings.dollar) == ("grblHAL", 5.0, {110: 8000.0})
+    assert handed["faults"].flip == 0.1
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--pty", "p", "--tcp", "a:1"], ["-o", "crc_radix=16"], ["--flavour", "0.9"], ["-o", "set_x=1"]],
+)
+def test_wrong_options_of_grbl_are_wrong_usage(millstream: Run, handed: dict[str, Any], options: list[object]) -> None:
+    assert millstream("sim", "grbl", *options).code == 2
+    assert handed == {}
 
 
 @pytest.mark.parametrize(
