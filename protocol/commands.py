@@ -6,9 +6,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 Position = Mapping[str, float]
 """Coordinates in mm (degrees for rotary axes) by lower-case axis name; an axis that is not known is absent."""
+
+
+OnError = Literal["hold", "stop", "ignore"]
+"""What follows when a controller that has more lines inside refuses one (grbl II.4)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +24,8 @@ class SendBatch:
     `end` is where the machine stands afterwards as far as that is known.
     `locate_after` asks for the position when the batch is done (its effect cannot be computed).
     `ends_program` marks M30/M99, after which the machine forgets its ID memory (elvinto §5.6).
+    `on_error`: what follows a refused block where the blocks behind it are inside already (Grbl); `ignore` holds for
+    `ignored_errors`, or for every code where none is named; codes that are not ignored are held.
     """
 
     id: int
@@ -27,6 +34,8 @@ class SendBatch:
     end: Position = field(default_factory=dict)
     locate_after: bool = False
     ends_program: bool = False
+    on_error: OnError = "hold"
+    ignored_errors: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +83,117 @@ class AskToolChange:
     token: int
 
 
+# --- Grbl: lines (grbl II.6, II.7) ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Jog:
+    """Move by hand: `target` in mm, from where the machine stands or, with `absolute`, in work coordinates.
+
+    Done means planned; `JogCancel` takes back what has not moved yet.
+    """
+
+    token: int
+    target: Position
+    feed_mm_min: float
+    absolute: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """The homing cycle of all axes, or of those named where the firmware can. No time-out while it lasts."""
+
+    token: int
+    axes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ReadFirmware:
+    """Version, build options, buffer sizes, help; answered by `FirmwareRead`."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class ReadModal:
+    """The parser's modal groups; answered by `ModalRead`."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class ReadOffsets:
+    """Work offsets, G28, G30, G92, tool length, last probe; answered by `OffsetsRead`."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class ReadSettings:
+    """All settings; answered by `SettingsRead`."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class ReadStartupBlocks:
+    """Answered by `StartupBlocksRead`."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class WriteSetting:
+    """One setting, verified by reading back; `SettingsRead` comes before the end."""
+
+    token: int
+    number: int
+    value: str
+
+
+@dataclass(frozen=True, slots=True)
+class WriteInfo:
+    """The machine's info text (`$I=`). Grbl drops blanks and case."""
+
+    token: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class WriteStartupBlock:
+    """A block that runs after every reset. The controller executes it once now (II.6)."""
+
+    token: int
+    index: int
+    block: str
+
+
+@dataclass(frozen=True, slots=True)
+class CheckMode:
+    """The parser without motion. Off means a reset of the controller, whose banner is awaited."""
+
+    token: int
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Sleep:
+    """Motors and spindle off; only a reset wakes it up, in alarm."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class Restore:
+    """Defaults instead of what is stored; the controller resets itself."""
+
+    token: int
+    what: Literal["settings", "offsets", "all"]
+
+
+# --- the realtime lane ------------------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, slots=True)
 class EmergencyStop:
     """Realtime lane: goes out before everything else, repeated until the machine has heard it."""
@@ -81,5 +201,117 @@ class EmergencyStop:
     token: int
 
 
-Command = SendBatch | RunBlock | Locate | ClearAlarm | ListFiles | RunFile | AskToolChange
-RealtimeCommand = EmergencyStop
+@dataclass(frozen=True, slots=True)
+class FeedHold:
+    """Decelerate and stand still; `CycleStart` goes on."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class CycleStart:
+    """Go on after a hold, a closed door, M0, a tool change, a refused block."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Come to a stand without losing the position, then drop everything the controller holds."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class SoftReset:
+    """Reset the controller at once; in motion it loses its position."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class JogCancel:
+    """End all jogs: those that wait, those inside, the one that moves. Done when the machine stands."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyDoor:
+    """What the opened door does."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class Override:
+    """`step`: `reset` to 100 %, `+10`, `-10`, `+1`, `-1` of feed and spindle, `50`, `25` of rapids."""
+
+    token: int
+    what: Literal["feed", "rapid", "spindle"]
+    step: Literal["reset", "+10", "-10", "+1", "-1", "50", "25"]
+
+
+@dataclass(frozen=True, slots=True)
+class CoolantToggle:
+    """Flood or mist on and off."""
+
+    token: int
+    what: Literal["flood", "mist"]
+
+
+@dataclass(frozen=True, slots=True)
+class SpindleStopToggle:
+    """Spindle off and on again while the machine is held."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class ToolAck:
+    """The tool change is being done: commands by hand are taken until `CycleStart` (grblHAL)."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
+class ToggleOption:
+    """A switch of grblHAL."""
+
+    token: int
+    what: Literal["optional_stop", "single_block", "fan", "mpg", "auto_report", "probe_connected"]
+
+
+GrblCommand = (
+    Jog
+    | Home
+    | ReadFirmware
+    | ReadModal
+    | ReadOffsets
+    | ReadSettings
+    | ReadStartupBlocks
+    | WriteSetting
+    | WriteInfo
+    | WriteStartupBlock
+    | CheckMode
+    | Sleep
+    | Restore
+)
+"""What only a Grbl knows; another engine answers it with `CommandFailed`."""
+
+LineCommand = RunBlock | Locate | ClearAlarm | ListFiles | RunFile | AskToolChange | GrblCommand
+Command = SendBatch | LineCommand
+RealtimeCommand = (
+    EmergencyStop
+    | FeedHold
+    | CycleStart
+    | Stop
+    | SoftReset
+    | JogCancel
+    | SafetyDoor
+    | Override
+    | CoolantToggle
+    | SpindleStopToggle
+    | ToolAck
+    | ToggleOption
+)

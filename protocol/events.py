@@ -4,6 +4,7 @@ A peer's misbehaviour is an event here, never an exception. Wire texts inside ev
 length by the codec, to be escaped by whoever shows them.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -44,10 +45,26 @@ class MachineRestarted:
 
 
 @dataclass(frozen=True, slots=True)
+class ControllerReset:
+    """A reset that was asked for is over. `position_kept`: it stood still, so its position is good (grbl II.2)."""
+
+    position_kept: bool
+
+
+@dataclass(frozen=True, slots=True)
 class ProtocolFault:
     """Something on the wire was not as the standard demands; it was skipped. `kind` is a metric label."""
 
-    kind: Literal["checksum", "malformed", "too_long", "no_header", "unknown_id", "unknown_message"]
+    kind: Literal[
+        "checksum",
+        "malformed",
+        "too_long",
+        "no_header",
+        "unknown_id",
+        "unknown_message",
+        "unasked_answer",
+        "lost_answer",
+    ]
     detail: str
 
 
@@ -64,7 +81,11 @@ class MessageSeen:
 
 @dataclass(frozen=True, slots=True)
 class StateReported:
-    """The machine's own account of itself. Absent values (None) were not in the report."""
+    """The machine's own account of itself. Absent values (None) were not in the report.
+
+    `frame` tells what `position` is: machine coordinates, work coordinates, or both where a machine knows no
+    difference. `work_offset` is machine less work position.
+    """
 
     status: Status
     position: Position
@@ -72,6 +93,123 @@ class StateReported:
     spindle_rpm: float | None = None
     absolute: bool | None = None
     alarm: Alarm | None = None
+    frame: Literal["both", "machine", "work"] = "both"
+    work_offset: Position | None = None
+    substate: int | None = None
+    tool: int | None = None
+    homed: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PinsChanged:
+    """The inputs that are active now, by name; all others are not."""
+
+    active: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
+class OverridesChanged:
+    """In percent of what was programmed."""
+
+    feed: int
+    rapid: int
+    spindle: int
+
+
+@dataclass(frozen=True, slots=True)
+class AccessoriesChanged:
+    """What runs: spindle_cw, spindle_ccw, flood, mist, ..."""
+
+    active: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
+class PendantChanged:
+    """`active`: a pendant (MPG) owns the stream and nothing of ours is sent."""
+
+    active: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Homed:
+    """A homing cycle has succeeded; `axes` empty: all."""
+
+    axes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ProbeReported:
+    """A probing move has ended at `position` (machine coordinates)."""
+
+    position: Position
+    succeeded: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Announced:
+    """A message of the controller for people, as it says it."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class StartupBlockRun:
+    """A start-up block was executed after a reset; `code` None: without an error."""
+
+    block: str
+    code: int | None
+
+
+# --- what was read from a controller (token None: unasked, at the handshake) -------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class FirmwareRead:
+    """`planner_blocks`, `rx_bytes`: what the controller says it has; `facts`: its other lines by name."""
+
+    token: int | None
+    flavour: Literal["grbl", "grblhal"]
+    version: str
+    build: str
+    info: str
+    options: str
+    planner_blocks: int | None
+    rx_bytes: int | None
+    axes: tuple[str, ...]
+    facts: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ModalRead:
+    """The words of the active modal groups, as G0, G54, ..., T0, F0, S0."""
+
+    token: int | None
+    words: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetsRead:
+    """By name, G54 to G59.3, G28, G30, G92, TLO, in mm; `probe` is the last probing."""
+
+    token: int | None
+    offsets: Mapping[str, Position]
+    probe: ProbeReported | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SettingsRead:
+    """Every setting by number, its value as the controller prints it."""
+
+    token: int | None
+    values: Mapping[int, str]
+
+
+@dataclass(frozen=True, slots=True)
+class StartupBlocksRead:
+    """In their order."""
+
+    token: int
+    blocks: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,12 +264,34 @@ class BatchDone:
 
 @dataclass(frozen=True, slots=True)
 class BatchFailed:
-    """It did not run to its end: the machine's error, an alarm, the emergency stop. Its lines are in doubt."""
+    """It did not run to its end: the machine's error, an alarm, the emergency stop. Its lines are in doubt.
+
+    Where it is known: the first `lines_done` are executed, those from `lines_touched` on certainly not, and only what
+    lies between is in doubt.
+    """
 
     id: int
-    reason: Literal["error", "alarm", "estop", "restart"]
+    reason: Literal["error", "alarm", "estop", "restart", "stop", "link"]
     code: int | None
     message: str
+    lines_done: int | None = None
+    lines_touched: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LineRefused:
+    """The controller has refused line `index` (from 0) of batch `id` and goes on with those behind it (grbl II.4).
+
+    `inside`: the lines, as (batch, index), that it had by then and executes if it is not stopped.
+    """
+
+    id: int
+    index: int
+    block: str
+    code: int | None
+    message: str
+    action: Literal["held", "stopped", "ignored"]
+    inside: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,23 +339,36 @@ class CommandFailed:
     message: str
 
 
-Event = (
-    LinkReady
-    | LinkLost
-    | MachineRestarted
-    | ProtocolFault
+Detail = (
+    ProtocolFault
     | MessageSeen
-    | StateReported
-    | ToolRequested
+    | PinsChanged
+    | OverridesChanged
+    | AccessoriesChanged
+    | PendantChanged
+    | Homed
+    | ProbeReported
+    | Announced
+    | StartupBlockRun
+    | FirmwareRead
+    | ModalRead
+    | OffsetsRead
+    | SettingsRead
+    | StartupBlocksRead
     | ProgramEnded
     | FilesListed
     | BatchSent
-    | BatchReceived
     | BatchDone
     | BatchFailed
+    | LineRefused
     | FateUnknown
     | FateSettled
     | FateInDoubt
     | CommandDone
     | CommandFailed
+)
+"""Events that change no more than what they name."""
+
+Event = (
+    LinkReady | LinkLost | MachineRestarted | ControllerReset | StateReported | BatchReceived | ToolRequested | Detail
 )

@@ -5,14 +5,43 @@ Everything that people see of a machine comes from here. A state is never edited
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import assert_never
 
 from protocol.events import (
+    AccessoriesChanged,
     Alarm,
+    Announced,
+    BatchDone,
+    BatchFailed,
     BatchReceived,
+    BatchSent,
+    CommandDone,
+    CommandFailed,
+    ControllerReset,
+    Detail,
     Event,
+    FateInDoubt,
+    FateSettled,
+    FateUnknown,
+    FilesListed,
+    FirmwareRead,
+    Homed,
+    LineRefused,
     LinkLost,
     LinkReady,
     MachineRestarted,
+    MessageSeen,
+    ModalRead,
+    OffsetsRead,
+    OverridesChanged,
+    PendantChanged,
+    PinsChanged,
+    ProbeReported,
+    ProgramEnded,
+    ProtocolFault,
+    SettingsRead,
+    StartupBlockRun,
+    StartupBlocksRead,
     StateReported,
     Status,
     ToolRequested,
@@ -36,6 +65,12 @@ class MachineState:
     tool_requested: int | None = None
     inputs: Mapping[str, bool] = field(default_factory=dict)
     overrides: Mapping[str, int] = field(default_factory=dict)
+    work_offset: Mapping[str, float] = field(default_factory=dict)
+    accessories: frozenset[str] = frozenset()
+    pendant: bool = False
+    homed: bool | None = None
+    modal: tuple[str, ...] = ()
+    substate: int | None = None
 
 
 def reduce(state: MachineState, event: Event) -> MachineState:
@@ -43,41 +78,120 @@ def reduce(state: MachineState, event: Event) -> MachineState:
     match event:
         case StateReported():
             return _reported(state, event)
-        case LinkReady() if state.status == "offline":
-            return replace(state, status="idle")
+        case LinkReady():
+            return replace(state, status="idle") if state.status == "offline" else state
         case LinkLost():
             return replace(state, status="offline")
         case MachineRestarted():
             # Position, tool and modes of a restarted machine are unknown until it reports them.
             return MachineState(status=state.status)
-        case BatchReceived() if state.status == "idle":
-            return replace(state, status="run")
+        case ControllerReset(position_kept=kept):
+            return _reset(state, kept=kept)
+        case BatchReceived():
+            return replace(state, status="run") if state.status == "idle" else state
         case ToolRequested(number=number):
             return replace(state, status="tool", tool_requested=number)
         case _:
+            return _told(state, event)
+
+
+def _told(state: MachineState, event: Detail) -> MachineState:
+    """What a machine says of itself besides its position."""
+    match event:
+        case PinsChanged(active=active):
+            return replace(state, inputs={**dict.fromkeys(state.inputs, False), **dict.fromkeys(active, True)})
+        case OverridesChanged(feed=feed, rapid=rapid, spindle=spindle):
+            return replace(state, overrides={"feed": feed, "rapid": rapid, "spindle": spindle})
+        case AccessoriesChanged(active=active):
+            return replace(state, accessories=active)
+        case PendantChanged(active=active):
+            return replace(state, pendant=active)
+        case Homed():
+            return replace(state, homed=True)
+        case ModalRead(words=words):
+            return replace(state, modal=words)
+        case (
+            ProtocolFault()
+            | MessageSeen()
+            | ProbeReported()
+            | Announced()
+            | StartupBlockRun()
+            | FirmwareRead()
+            | OffsetsRead()
+            | SettingsRead()
+            | StartupBlocksRead()
+            | ProgramEnded()
+            | FilesListed()
+            | BatchSent()
+            | BatchDone()
+            | BatchFailed()
+            | LineRefused()
+            | FateUnknown()
+            | FateSettled()
+            | FateInDoubt()
+            | CommandDone()
+            | CommandFailed()
+        ):
             return state
+        case _:
+            assert_never(event)
+
+
+def _reset(state: MachineState, *, kept: bool) -> MachineState:
+    """A reset that was asked for: modes and overrides are as at power-up, the position is good or it is not."""
+    return replace(
+        state,
+        position=state.position if kept else {},
+        work_position=state.work_position if kept else {},
+        overrides=dict.fromkeys(state.overrides, OVERRIDE_NEUTRAL_PERCENT),
+        accessories=frozenset(),
+        modal=(),
+        tool_requested=None,
+        homed=state.homed if kept else False,
+        alarm=None,
+    )
 
 
 def _reported(state: MachineState, report: StateReported) -> MachineState:
-    position = {**state.position, **report.position}
+    offset = state.work_offset if report.work_offset is None else report.work_offset
+    position, work_position = _positions(state, report, offset)
     # A pending tool request outlives the idle reports that follow it; an alarm or a new run ends it.
     status: Status = report.status
     requested = state.tool_requested
-    if requested is not None and status == "idle":
+    if requested is not None and status == "idle" and report.frame == "both":
         status = "tool"
-    elif status in ("run", "alarm"):
+    elif status in ("run", "alarm") or (status != "tool" and report.frame != "both"):
         requested = None
     return replace(
         state,
         status=status,
         position=position,
-        work_position=position,
+        work_position=work_position,
+        work_offset=offset,
         feed_mm_min=state.feed_mm_min if report.feed_mm_min is None else report.feed_mm_min,
         spindle_rpm=state.spindle_rpm if report.spindle_rpm is None else report.spindle_rpm,
         absolute=state.absolute if report.absolute is None else report.absolute,
         alarm=report.alarm,
+        tool=state.tool if report.tool is None else report.tool,
         tool_requested=requested,
+        substate=report.substate,
+        homed=state.homed if report.homed is None else report.homed,
     )
+
+
+def _positions(
+    state: MachineState, report: StateReported, offset: Mapping[str, float]
+) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    """Machine and work position. Grbl tells one of the two and now and then their difference (grbl II.5): an axis whose
+    difference is not known yet has only the one that was told."""
+    if report.frame == "both":
+        position = {**state.position, **report.position}
+        return position, position
+    if report.frame == "machine":
+        position = {**state.position, **report.position}
+        return position, {axis: round(at - offset[axis], 6) for axis, at in position.items() if axis in offset}
+    work = {**state.work_position, **report.position}
+    return {axis: round(at + offset[axis], 6) for axis, at in work.items() if axis in offset}, work
 
 
 def tool_confirmed(state: MachineState) -> MachineState:

@@ -7,15 +7,17 @@ before it (`ids.py`). Then no copy, delay or flipped digit of a header can make 
 """
 
 from collections.abc import Callable, Mapping
-from typing import ClassVar, assert_never
+from typing import ClassVar
 
 from protocol.commands import (
     AskToolChange,
     ClearAlarm,
     Command,
     EmergencyStop,
+    GrblCommand,
     ListFiles,
     Locate,
+    RealtimeCommand,
     RunBlock,
     RunFile,
     SendBatch,
@@ -159,10 +161,14 @@ class ElvintoEngine(Settling):
                 self._query_token = token
                 self._enter(Phase.TOOLCHECK, now)
             case _:
-                assert_never(command)
+                assert isinstance(command, GrblCommand), "a command of the realtime lane"
+                self._emit(CommandFailed(command.token, None, "an ElVinto machine does not know this command"))
 
-    def realtime(self, command: EmergencyStop, now: float) -> None:
+    def realtime(self, command: RealtimeCommand, now: float) -> None:
         """The emergency stop (W98): goes out before everything else; what was under way is failed at once."""
+        if not isinstance(command, EmergencyStop):
+            self._emit(CommandFailed(command.token, None, "an ElVinto machine knows no real-time command but the stop"))
+            return
         if self._phase is Phase.CLOSED:
             self._emit(CommandFailed(command.token, None, "the link is down: use the machine's own emergency button"))
             return

@@ -1,12 +1,19 @@
 """The one reading of what a machine is doing."""
 
 from protocol.events import (
+    AccessoriesChanged,
     Alarm,
     BatchDone,
     BatchReceived,
+    ControllerReset,
+    Homed,
     LinkLost,
     LinkReady,
     MachineRestarted,
+    ModalRead,
+    OverridesChanged,
+    PendantChanged,
+    PinsChanged,
     StateReported,
     ToolRequested,
 )
@@ -66,3 +73,46 @@ def test_a_new_run_or_an_alarm_ends_a_tool_request():
 def test_a_tool_confirmed_while_it_is_running_changes_no_status():
     state = MachineState(status="run", tool_requested=2)
     assert tool_confirmed(state).status == "run"
+
+
+class TestGrbl:
+    """Machine and work position where a controller tells one of them and now and then their difference (grbl II.5)."""
+
+    def test_work_is_machine_less_offset(self):
+        state = reduce(MachineState(), StateReported("idle", {"x": 5.0, "y": 1.0}, frame="machine"))
+        assert state.work_position == {}
+        state = reduce(state, StateReported("idle", {}, frame="machine", work_offset={"x": 2.0}))
+        assert (state.position, state.work_position) == ({"x": 5.0, "y": 1.0}, {"x": 3.0})
+        state = reduce(state, StateReported("run", {"x": 6.0, "y": 1.0}, frame="machine"))
+        assert state.work_position == {"x": 4.0}
+
+    def test_machine_is_work_plus_offset(self):
+        state = reduce(MachineState(), StateReported("idle", {"x": 5.0}, frame="work"))
+        assert (state.position, state.work_position) == ({}, {"x": 5.0})
+        state = reduce(state, StateReported("idle", {}, frame="work", work_offset={"x": 2.0}))
+        assert (state.position, state.work_position) == ({"x": 7.0}, {"x": 5.0})
+
+    def test_a_reset_keeps_the_position_or_loses_it(self):
+        state = reduce(MachineState(), StateReported("hold", {"x": 5.0}, frame="machine", work_offset={"x": 1.0}))
+        state = reduce(reduce(state, OverridesChanged(50, 25, 120)), Homed(()))
+        kept = reduce(state, ControllerReset(position_kept=True))
+        assert (kept.position, kept.work_position, kept.homed) == ({"x": 5.0}, {"x": 4.0}, True)
+        assert kept.overrides == {"feed": 100, "rapid": 100, "spindle": 100}
+        lost = reduce(state, ControllerReset(position_kept=False))
+        assert (lost.position, lost.work_position, lost.homed) == ({}, {}, False)
+
+    def test_inputs_that_are_not_named_are_inactive(self):
+        state = reduce(MachineState(), PinsChanged(frozenset({"probe"})))
+        state = reduce(state, PinsChanged(frozenset({"limit_x"})))
+        assert state.inputs == {"probe": False, "limit_x": True}
+
+    def test_modal_accessories_pendant(self):
+        state = reduce(MachineState(), ModalRead(None, ("G0", "G54")))
+        state = reduce(reduce(state, AccessoriesChanged(frozenset({"flood"}))), PendantChanged(active=True))
+        assert (state.modal, state.accessories, state.pendant) == (("G0", "G54"), {"flood"}, True)
+
+    def test_its_own_tool_state_ends_a_tool_request(self):
+        state = reduce(MachineState(), ToolRequested(2))
+        state = reduce(state, StateReported("tool", {}, frame="machine"))
+        assert state.tool_requested == 2
+        assert reduce(state, StateReported("idle", {}, frame="machine", tool=2)).tool_requested is None

@@ -6,6 +6,8 @@ from protocol.commands import (
     AskToolChange,
     ClearAlarm,
     EmergencyStop,
+    FeedHold,
+    Home,
     ListFiles,
     Locate,
     RunBlock,
@@ -631,3 +633,12 @@ def test_the_recorder_keeps_the_last_frames():
     assert len(frames) == 200
     assert frames[-1].data.endswith(f"OK,ID<#{batch.id};".encode())
     assert {frame.direction for frame in frames} == {"<", ">"}
+
+
+def test_what_only_another_dialect_knows_is_answered_and_not_sent():
+    scene = ready()
+    scene.engine.submit(Home(5), scene.now)
+    scene.engine.realtime(FeedHold(6), scene.now)
+    assert [event.token for event in scene.take(CommandFailed)] == [5, 6]
+    assert scene.sent() == []
+    assert scene.engine.free() == 1
