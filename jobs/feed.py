@@ -10,8 +10,8 @@ from typing import Protocol
 
 from jobs.batch import PlannedBatch
 from jobs.effects import Entry
-from jobs.flight import Outcome
 from jobs.job import Status
+from jobs.outcome import Outcome
 from jobs.upcoming import LINES_AT_ONCE
 from protocol.commands import Position
 from protocol.errors import LocalError

@@ -1,4 +1,4 @@
-"""What a runner holds in its hands: what it inherits, what people want of it and how it stopped.
+"""What a runner holds in its hands: what it inherits, what people want of it and whether there is a link.
 
 Plain data of jobs/runner.py; no behaviour and no rule of its own.
 """
@@ -8,20 +8,6 @@ from dataclasses import dataclass
 from jobs.effects import Entry
 from jobs.job import JobError, Status
 from protocol.commands import Position, SendBatch
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """How the job stopped; the lines in doubt are derived from what is open and doubtful."""
-
-    status: Status
-    code: str = ""
-    message: str = ""
-
-
-MACHINE_GONE = Outcome(
-    Status.INTERRUPTED, "machine_restarted", "The machine restarted in the middle of the job: its position is unknown."
-)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,11 +16,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+from jobs import outcome
 from jobs.effects import Effect, Entry, JournalBatch, Note, RowStatus, SetHold, SetStatus, Submit
 from jobs.feed import Ahead, BatchSource, Feed
-from jobs.flight import MACHINE_GONE, Adopted, Inheritance, LinkSide, Outcome, Wishes
+from jobs.flight import Adopted, Inheritance, LinkSide, Wishes
 from jobs.job import ENDED, JobError, Status
 from jobs.ledger import Flight, Ledger
+from jobs.outcome import CANCELLED_UNASKED, ESTOP_DEMANDED, MACHINE_GONE, Outcome
 from protocol.commands import Position
 from protocol.events import (
     BatchDone,
@@ -190,15 +192,15 @@ class Runner:
             self._outcome = Outcome(Status.CANCELLED, self._outcome.code, self._outcome.message)
             self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
         elif not self.ledger.open:
-            self._stop(Status.CANCELLED)
+            self._stop(Outcome(Status.CANCELLED))
         elif not self._link.up:
-            self._stop(Status.CANCELLED, "cancelled_in_doubt", "Cancelled while the machine could not be asked.")
+            self._stop(CANCELLED_UNASKED)
             self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
         return self._drain()
 
     def emergency(self) -> list[Effect]:
         """The emergency stop has gone out."""
-        self._stop(Status.FAILED, "estop", "The emergency stop was demanded.")
+        self._stop(ESTOP_DEMANDED)
         return self._drain()
 
     def forget(self) -> list[Effect]:
@@ -237,7 +239,7 @@ class Runner:
             case BatchFailed() if flight := self.ledger.flight(event.id):
                 self._failed(event, flight)
             case StateReported(status="alarm", alarm=alarm):
-                self._alarm("" if alarm is None else alarm.message)
+                self._stop(outcome.alarm("" if alarm is None else alarm.message))
             case MachineRestarted(evidence=evidence):
                 self.restarted = True
                 self._note("machine_restarted", evidence=evidence)
@@ -265,7 +267,7 @@ class Runner:
         if self.ledger.open and ahead is not None and ahead.entry is not None and ahead.entry.wire_id == next_id:
             return []  # one is with the machine, the next is written down: nothing can be done before an event
         if self._wishes.cancel and not self.ledger.open:
-            self._stop(Status.CANCELLED)
+            self._stop(Outcome(Status.CANCELLED))
         if not self._link.up or not self._goes_on:
             return self._drain()
         ahead = self._plan()
@@ -301,7 +303,7 @@ class Runner:
         if ahead is not None:
             self.ledger.cursor = self.ledger.cursor.was_read(ahead.batch.last_line)
         elif end is not None and not self.ledger.open:
-            self._stop(end.status, end.code, end.message)
+            self._stop(end)
         return ahead
 
     def _shelve(self) -> None:
@@ -317,7 +319,7 @@ class Runner:
         self._emit(self.ledger.done(flight, inferred=inferred, position=position, at=at))
         if batch.ends_program:
             # Now, also where a pause was demanded: a daemon after us would not know that what follows is no part of it.
-            self._stop(Status.COMPLETED)
+            self._stop(Outcome(Status.COMPLETED))
         if batch.locate_after:
             self.feed.relocate(self.ledger.position)
         if batch.tool_change:
@@ -332,22 +334,11 @@ class Runner:
 
     def _failed(self, event: BatchFailed, flight: Flight) -> None:
         self._doubt([flight], RowStatus.FAILED)
-        match event.reason:
-            case "restart":
-                self.restarted = True
-                self._interrupt(MACHINE_GONE)
-            case "error":
-                number = "" if event.code is None else f" {event.code}"
-                self._stop(
-                    Status.FAILED, "machine_error", f"The machine answered ERROR{number}. {event.message}".strip()
-                )
-            case "alarm":
-                self._alarm(event.message)
-            case "estop":
-                self._stop(Status.FAILED, "estop", event.message or "The emergency stop was pressed.")
-
-    def _alarm(self, message: str) -> None:
-        self._stop(Status.FAILED, "alarm", f"The machine is in alarm. {message}".strip())
+        if event.reason == "restart":
+            self.restarted = True
+            self._interrupt(MACHINE_GONE)
+        elif (cause := outcome.failure(event)) is not None:
+            self._stop(cause)
 
     def _settled(self, event: FateSettled, *, now: float, at: str) -> None:
         self._proven(event.done, at=at)
@@ -362,7 +353,7 @@ class Runner:
         self._proven(event.done, at=at)
         self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
         self._note("fate_in_doubt", done=list(event.done), doubtful=list(event.doubtful), reason=event.reason)
-        self._interrupt(Outcome(Status.INTERRUPTED, "in_doubt", event.reason))
+        self._interrupt(outcome.in_doubt(event.reason))
 
     def _doubt(self, flights: Iterable[Flight], status: RowStatus) -> None:
         self._emit(*self.ledger.doubt(flights, status))
@@ -371,21 +362,18 @@ class Runner:
 
     def _check_break(self, now: float) -> None:
         deadline = self.deadline()
-        if deadline is None or now < deadline:
-            return
-        limit = f"{self.resume_within_s:g} s"
-        message = f"The link was broken for longer than resume_within ({limit})."
-        self._interrupt(Outcome(Status.INTERRUPTED, "break_too_long", message))
+        if deadline is not None and now >= deadline:
+            self._interrupt(outcome.break_too_long(self.resume_within_s))
 
-    def _interrupt(self, outcome: Outcome) -> None:
+    def _interrupt(self, cause: Outcome) -> None:
         """Later evidence may name a graver cause, but an end stays an end and a restart the gravest."""
         if self.status not in ENDED and (self._outcome is None or self._outcome.code != MACHINE_GONE.code):
-            self._outcome = outcome
+            self._outcome = cause
             self._shelve()
 
-    def _stop(self, status: Status, code: str = "", message: str = "") -> None:
+    def _stop(self, cause: Outcome) -> None:
         if self._outcome is None:
-            self._outcome = Outcome(status, code, message)
+            self._outcome = cause
             self._shelve()
 
     def _note(self, kind: str, **data: Any) -> None:
@@ -398,16 +386,9 @@ class Runner:
         status = self.status
         told = (status, self.error, self.tool, self.restarted)
         if told != self._told and not (status is self.announced and not self._told):
-            self._emit(
-                SetStatus(
-                    self.announced,
-                    status,
-                    self.ledger.cursor.done,
-                    error=self.error,
-                    tool=self.tool,
-                    restarted=self.restarted,
-                )
-            )
+            _, error, tool, restarted = told
+            done = self.ledger.cursor.done
+            self._emit(SetStatus(self.announced, status, done, error=error, tool=tool, restarted=restarted))
             self.announced = status
         self._told = told
         effects, self._effects = self._effects, []
