@@ -69,6 +69,10 @@ class Pace:
     _line: int = 0
     _uncounted: list[Stretch] = field(default_factory=list)
 
+    def of_job(self, planned_s: float, taken_s: float) -> "Pace":
+        """That of a job that begins or goes on under the same conditions; what it has behind it."""
+        return Pace(planned_s, taken_s, _overrides=self._overrides, _standing=self._standing)
+
     def supply(self, timeline: Timeline, experience: Experience) -> None:
         """What was planned, and what is known of the machine."""
         self.timeline, self.experience = timeline, experience

@@ -17,6 +17,7 @@ from server.clock import Clock, WallClock
 from server.config import Config, MachineConfig
 from server.controller import Controller
 from server.dbthread import Db, DbThread
+from server.estimates import Estimates
 from server.hub import Hub
 from server.jobservice import JobService
 from server.machine import EngineFactory
@@ -108,6 +109,7 @@ class Workshop:
             pieces=pieces,
             worker=self._worker("plans"),
             background=background,
+            estimates=Estimates(self.db, store, pieces, self._worker("timelines")),
         )
         self.jobs = JobService(
             self.machines,

@@ -12,19 +12,25 @@ from typing import Any, assert_never
 
 from sqlite_utils import Database
 
+from gcode.timeline import Timeline
 from jobs import history, journal, store
 from jobs.effects import Effect, Entry, JournalBatch, MarkBatch, Note, RowStatus, SetHold, SetStatus, Submit
+from jobs.experience import Experience
 from jobs.job import ENDED, MOVING, Status
+from jobs.pace import Left, Pace, Reach
 from jobs.runner import Runner
 from jobs.store import Row
 from protocol.engine import Engine, OpenWork
 from protocol.events import BatchSent, Event
+from protocol.machine import MachineState
 from server.clock import Clock, seconds_since, stamp
 from server.dbthread import Db
 from server.hub import Hub
 from server.metrics import MachineMetrics
 from server.views import job_view
 
+STANDING = frozenset({"hold", "door"})
+"""The machine itself holds the motion in the middle of a batch."""
 PROGRESS_EVERY_S = 0.25
 """Progress is announced at most this often; changes of status always."""
 ALIVE_EVERY_S = 1.0
@@ -60,6 +66,8 @@ class JobStream:
         self._clock = clock
         self._loop = loop
         self._metrics = metrics
+        self._pace = Pace()
+        metrics.seconds_left = lambda: None if (left := self._left()) is None else left.seconds
         self._frames = frames
         self._engine: Engine | None = None
         self._todo: deque[Effect] = deque()
@@ -97,7 +105,14 @@ class JobStream:
         """The job as people see it, from the runner, which knows more than the database."""
         if self.row is None or self.runner is None:
             return None
-        return job_view(self.row, self._clock, self.runner)
+        return job_view(self.row, self._clock, self.runner, self._left())
+
+    def _left(self) -> Left | None:
+        """How long the job will still take."""
+        if self.row is None or self.runner is None:
+            return None
+        cursor = self.runner.ledger.cursor
+        return self._pace.left(self._loop.time(), Reach(cursor.done, cursor.sent, self.row["end_line"]))
 
     def reserve(self, job: int) -> None:
         """Nothing else may use the machine while this job's program is read."""
@@ -114,7 +129,17 @@ class JobStream:
         """The machine is this job's from now on."""
         self.row = row
         self.runner = runner
+        self._pace = self._pace.of_job(row["planned_seconds"] or 0.0, row["moving_seconds"] or 0.0)
         self.react(effects)
+
+    def expect(self, timeline: Timeline, experience: Experience) -> None:
+        """How long the job was planned to take, and how this machine keeps to plans."""
+        self._pace.supply(timeline, experience)
+        self._metrics.pace_factor = experience.factor
+
+    def conditions(self, state: MachineState) -> None:
+        """Overrides and holds change how fast it goes on, and what its pace so far says of the rest."""
+        self._pace.conditions(state.overrides, standing=state.status in STANDING)
 
     def adopt_alive(self, at: str | None) -> float:
         """The last sign of life that is durable, in the loop's time; long ago when it is not known."""
@@ -174,6 +199,7 @@ class JobStream:
         """The epoch is over."""
         self._engine = None
         self._pump = self._flush = lambda: None
+        self._pace.stop()
         if self.runner is not None:
             self.react(self.runner.link_down(last_life_at=last_life_at))
 
@@ -195,7 +221,21 @@ class JobStream:
     def alive(self) -> None:
         """Make the sign of life durable."""
         self._alive_at = self._loop.time()
-        self._db.post(journal.alive, self.machine, stamp(self._clock))
+        at, pace = stamp(self._clock), self._pace_so_far()
+
+        def write(db: Database) -> None:
+            journal.alive(db, self.machine, at)
+            if pace is not None:
+                store.set_pace(db, *pace)
+
+        self._db.post(write)
+
+    def _pace_so_far(self) -> tuple[int, float, float] | None:
+        """The job, planned and taken seconds of what it has executed; None where nothing was measured."""
+        planned_s, taken_s = self._pace.so_far()
+        if self.runner is None or not planned_s > 0.0:
+            return None
+        return self.runner.job_id, planned_s, taken_s
 
     # --- effects ----------------------------------------------------------------------------------------------
 
@@ -259,12 +299,14 @@ class JobStream:
             self._metrics.batches += 1
             self._metrics.blocks += len(mark.entry.batch.blocks)
             self._metrics.inferred += mark.inferred
+            self._pace.mark(self._loop.time(), mark.line_done)
         if self._loop.time() - self._progress_at >= PROGRESS_EVERY_S:
             self.announce()
 
     def _set_status(self, runner: Runner, effect: SetStatus) -> None:
         at = stamp(self._clock)
         self._post(lambda db: store.set_status(db, runner.job_id, effect, at=at))
+        self._change_pace(effect)
         if effect.after in TROUBLES and effect.before is not effect.after:
             self.note("frames", **self._frames())
         assert self.row is not None
@@ -278,6 +320,17 @@ class JobStream:
             self._hub.publish("tool", self.machine, {"tool": effect.tool, "job": runner.job_id})
         if effect.before is not effect.after:
             self.on_status(effect.after)
+
+    def _change_pace(self, effect: SetStatus) -> None:
+        """A machine that stands still by intention is not slow."""
+        if effect.before is effect.after:
+            return
+        if effect.after is Status.RUNNING:
+            self._pace.begin(self._loop.time(), effect.line_done)
+            return
+        self._pace.stop()
+        if (pace := self._pace_so_far()) is not None:
+            self._post(store.set_pace, *pace)
 
     def note(self, kind: str, *, job: int | None = None, **data: Any) -> None:
         """Write into the history, of `job` or of the one that has this machine."""

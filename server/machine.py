@@ -272,6 +272,7 @@ class Machine:
         if self.state is before:
             return
         self._publish_state()
+        self.stream.conditions(self.state)
         if self.state.alarm != before.alarm:
             self._hub.publish("alarm", self.name, {"alarm": alarm_view(self.state.alarm)})
 

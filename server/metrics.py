@@ -66,6 +66,10 @@ class MachineMetrics:
         self.batches = 0
         self.blocks = 0
         self.inferred = 0
+        self.pace_factor = 1.0
+        """What planned seconds are multiplied with, by the runs so far."""
+        self.seconds_left: Callable[[], float | None] = lambda: None
+        """Of the job under way; None without one, and while it is not known."""
         self.ack_latency = Histogram(ACK_LATENCY_BUCKETS_S)
         """First byte handed to the wire → RECEIVED."""
         self.batch_seconds = Histogram(BATCH_BUCKETS_S)
@@ -122,10 +126,17 @@ class Collector(Base):
             view = machine.view()
             connected.add_metric((name,), float(view["link"] == "connected"))
             queue.add_metric((name,), view["queue_length"])
+        pace = GaugeMetricFamily("millstream_pace_factor", "Seconds taken by planned seconds.", labels=("machine",))
+        left = GaugeMetricFamily("millstream_job_seconds_left", "Until the job will be done.", labels=("machine",))
+        for name, machine in self._machines.items():
+            pace.add_metric((name,), machine.metrics.pace_factor)
+            seconds = machine.metrics.seconds_left()
+            if seconds is not None:
+                left.add_metric((name,), seconds)
         jobs = GaugeMetricFamily("millstream_jobs", "Jobs by status.", labels=("status",))
         for status, count in sorted(self._jobs_by_status.items()):
             jobs.add_metric((status,), count)
-        yield from (connected, queue, jobs)
+        yield from (connected, queue, pace, left, jobs)
 
     def _fan_out(self) -> Iterator[Metric]:
         events = CounterMetricFamily("millstream_events", "Events announced.", labels=("type",))

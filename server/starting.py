@@ -24,6 +24,7 @@ from jobs.store import Row
 from server.clock import Clock, stamp
 from server.controller import Controller
 from server.dbthread import Db
+from server.estimates import Estimates
 from server.hub import Hub
 from server.plans import Plan, Planning, Workpiece
 from server.problems import ProblemError
@@ -73,6 +74,7 @@ class Starter:
         pieces: Mapping[str, Workpiece],
         worker: Worker,
         background: Background,
+        estimates: Estimates,
     ) -> None:
         self.planning = planning
         self.pieces = pieces
@@ -81,6 +83,7 @@ class Starter:
         self._hub = hub
         self._clock = clock
         self._background = background
+        self._estimates = estimates
 
     async def start(self, controller: Controller, row: Row) -> bool:
         """Plan the program and begin. The machine is reserved for this job. False: it does not wait any more."""
@@ -140,6 +143,7 @@ class Starter:
         # A daemon that dies within the first second must not leave a job without a sign of life (elvinto §5.5).
         controller.stream.alive()
         controller.stream.begin(row, runner, runner.begin())
+        self._background.begin(self._estimates.supply(controller, row, runner))
 
     async def set_status(self, row: Row, status: Status, error: JobError | None = None) -> None:
         """Of a job that no runner has."""
@@ -193,6 +197,7 @@ class Starter:
         )
         last_life_at = controller.stream.adopt_alive(alive_at)
         controller.stream.begin(row, runner, runner.adopt(adopted, last_life_at=last_life_at))
+        self._background.begin(self._estimates.supply(controller, row, runner))
         controller.stream.note("daemon_started", open=[entry.wire_id for entry in opened], line_done=row["line_done"])
         if status is not Status.INTERRUPTED:
             line = (opened[-1].batch.last_line if opened else row["line_done"]) + 1

@@ -8,6 +8,7 @@ from datetime import datetime
 from typing import Any
 
 from jobs.job import Status
+from jobs.pace import Left
 from jobs.runner import Runner
 from jobs.store import Row, error_of
 from protocol.events import Alarm
@@ -46,8 +47,8 @@ def state_view(state: MachineState, *, seq: int, at: str | None) -> dict[str, An
     }
 
 
-def job_view(row: Row, clock: Clock, runner: Runner | None = None) -> dict[str, Any]:
-    """A job, from its row and, while it is under way, from its runner, which knows more."""
+def job_view(row: Row, clock: Clock, runner: Runner | None = None, left: Left | None = None) -> dict[str, Any]:
+    """A job, from its row and, while it is under way, from its runner, which knows more; `left` is still to come."""
     error = error_of(row) if runner is None else runner.error
     status = Status(row["status"]) if runner is None else runner.status
     return {
@@ -56,7 +57,7 @@ def job_view(row: Row, clock: Clock, runner: Runner | None = None) -> dict[str, 
         "program": row["program"],
         "program_name": row["program_name"],
         "machine": row["machine"],
-        "progress": _progress(row, clock, runner),
+        "progress": _progress(row, clock, runner, left),
         "error": None if error is None else error.view(),
         "tool": row["tool"] if runner is None else runner.tool,
         "hold": bool(row["hold"]) if runner is None else runner.holding,
@@ -71,7 +72,7 @@ def job_view(row: Row, clock: Clock, runner: Runner | None = None) -> dict[str, 
     }
 
 
-def _progress(row: Row, clock: Clock, runner: Runner | None) -> dict[str, Any]:
+def _progress(row: Row, clock: Clock, runner: Runner | None, left: Left | None) -> dict[str, Any]:
     done = row["line_done"] if runner is None else runner.ledger.cursor.done
     first, last = row["start_line"], row["end_line"]
     return {
@@ -80,16 +81,10 @@ def _progress(row: Row, clock: Clock, runner: Runner | None) -> dict[str, Any]:
         "acknowledged_lines": max(0, done - first + 1),
         "sent_line": done if runner is None else runner.ledger.cursor.sent,
         "seconds_elapsed": _elapsed(row, clock),
-        "seconds_left": None if runner is None else _left(row, runner),
+        "seconds_left": None if left is None else round(left.seconds, 1),
+        "seconds_left_min": None if left is None else round(left.least_s, 1),
+        "seconds_left_max": None if left is None else round(left.most_s, 1),
     }
-
-
-def _left(row: Row, runner: Runner) -> float | None:
-    """By the estimate of the check; a part of a program has none."""
-    whole = row["start_line"] == 1 and row["end_line"] == row["lines"]
-    if not whole or row["total_seconds"] is None:
-        return None
-    return round(max(0.0, float(row["total_seconds"]) - runner.ledger.seconds_done), 1)
 
 
 def _elapsed(row: Row, clock: Clock) -> float | None:

@@ -365,14 +365,28 @@ class JobRequest(BaseModel):
 
 
 class ProgressView(BaseModel):
-    """How far a job is. `line` is the last line that is certainly done; times in s, null where unknown."""
+    """How far a job is. `line` is the last line that is certainly done; times in s, null where unknown.
 
-    model_config = example(line=600, lines=1204, acknowledged_lines=600, seconds_elapsed=151.0, seconds_left=160.5)
+    `seconds_left` is the best estimate of what is still to come without pauses and waits, `seconds_left_min` and
+    `seconds_left_max` are what it lies between in nine cases of ten.
+    """
+
+    model_config = example(
+        line=600,
+        lines=1204,
+        acknowledged_lines=600,
+        seconds_elapsed=151.0,
+        seconds_left=160.5,
+        seconds_left_min=148.0,
+        seconds_left_max=174.1,
+    )
     line: int
     lines: int
     acknowledged_lines: int
     seconds_elapsed: float | None
     seconds_left: float | None
+    seconds_left_min: float | None
+    seconds_left_max: float | None
 
 
 class JobErrorView(BaseModel):
@@ -400,6 +414,8 @@ JOB_EXAMPLE: dict[str, Any] = {
         "acknowledged_lines": 600,
         "seconds_elapsed": 151.0,
         "seconds_left": 160.5,
+        "seconds_left_min": 148.0,
+        "seconds_left_max": 174.1,
     },
     "error": None,
     "created_at": TIME,

@@ -18,6 +18,7 @@ class Machine:
         self.metrics.link_errors["checksum"] += 1
         self.metrics.ack_latency.observe(0.1)
         self.metrics.batch_seconds.observe(0.5)
+        self.metrics.seconds_left = lambda: 60.0
 
     def view(self) -> dict[str, Any]:
         return {"link": "connected", "queue_length": 0}

@@ -50,6 +50,8 @@ def job(line: int = 0, status: str = "running", **changes: Any) -> dict[str, Any
             "acknowledged_lines": line,
             "seconds_elapsed": 1.0,
             "seconds_left": 61.0,
+            "seconds_left_min": 55.0,
+            "seconds_left_max": 70.0,
         },
         "error": None,
         **changes,

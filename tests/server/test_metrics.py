@@ -26,6 +26,7 @@ def test_everything_that_is_counted_is_exposed() -> None:
         counted.retries, counted.connects, counted.batches, counted.blocks, counted.inferred = 2, 4, 5, 60, 1
         counted.ack_latency.observe(0.015)
         counted.batch_seconds.observe(0.7)
+        counted.pace_factor, counted.seconds_left = 1.25, lambda: 90.5
         reader = hub.subscribe(Filter())
         hub.publish("job", "router", {})
         gone = hub.subscribe(Filter())
@@ -47,6 +48,8 @@ def test_everything_that_is_counted_is_exposed() -> None:
             ("millstream_batch_seconds_sum", "machine=router"): 0.7,
             ("millstream_connected", "machine=router"): 1,
             ("millstream_queue_length", "machine=router"): 2,
+            ("millstream_pace_factor", "machine=router"): 1.25,
+            ("millstream_job_seconds_left", "machine=router"): 90.5,
             ("millstream_jobs", "status=running"): 1,
             ("millstream_jobs", "status=completed"): 4,
             ("millstream_events_total", "type=job"): 1,

@@ -6,6 +6,7 @@ from typing import Any
 from jobs.cursor import Cursor
 from jobs.feed import Feed
 from jobs.ledger import Ledger
+from jobs.pace import Left
 from jobs.runner import Runner
 from protocol.events import Alarm
 from protocol.machine import MachineState
@@ -23,10 +24,12 @@ def row(**changes: Any) -> dict[str, Any]:
     return {**job_fields(), **fields, **none, **changes}
 
 
-def seen(row: dict[str, Any], runner: Runner | None = None, *, at: float = 0.0) -> dict[str, Any]:
+def seen(
+    row: dict[str, Any], runner: Runner | None = None, *, at: float = 0.0, left: Left | None = None
+) -> dict[str, Any]:
     async def main() -> dict[str, Any]:
         await asyncio.sleep(at)
-        return job_view(row, LoopClock(asyncio.get_running_loop()), runner)
+        return job_view(row, LoopClock(asyncio.get_running_loop()), runner, left)
 
     return run_simulated(main())
 
@@ -41,6 +44,8 @@ def test_a_job_that_waits() -> None:
         "sent_line": 0,
         "seconds_elapsed": None,
         "seconds_left": None,
+        "seconds_left_min": None,
+        "seconds_left_max": None,
     }
 
 
@@ -63,15 +68,11 @@ def test_a_job_that_has_ended() -> None:
 def test_a_job_under_way_is_seen_through_its_runner() -> None:
     ledger = Ledger(cursor=Cursor(8, 6, 5, 4), seconds_done=20.0)
     runner = Runner(3, 10.0, Feed(ListSource([batch(1)])), ledger)
-    view = seen(row(status="queued", started_at=AT), runner, at=12.34)
+    view = seen(row(status="queued", started_at=AT), runner, at=12.34, left=Left(40.04, 30.0, 55.54))
     progress = view["progress"]
     assert (view["status"], progress["line"], progress["sent_line"]) == ("running", 4, 6)
     assert (progress["seconds_elapsed"], progress["seconds_left"]) == (12.3, 40.0)
-
-
-def test_a_part_of_a_program_has_no_estimate() -> None:
-    runner = Runner(3, 10.0, Feed())
-    assert seen(row(start_line=3, line_done=2), runner)["progress"]["seconds_left"] is None
+    assert (progress["seconds_left_min"], progress["seconds_left_max"]) == (30.0, 55.5)
 
 
 def test_lines_before_the_start_are_not_counted_as_acknowledged() -> None:
