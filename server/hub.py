@@ -61,11 +61,11 @@ class Filter:
     machines: frozenset[str] = frozenset()
     rate_hz: float = DEFAULT_RATE_HZ
 
-    def takes(self, message: Message) -> bool:
-        """Whether this reader is to get `message`. What concerns no machine concerns everybody."""
-        if message.type not in self.topics:
+    def takes(self, type: str, machine: str | None) -> bool:  # noqa: A002 - the word of api.md
+        """Whether this reader is to get such a message. What concerns no machine concerns everybody."""
+        if type not in self.topics:
             return False
-        return not self.machines or message.machine is None or message.machine in self.machines
+        return not self.machines or machine is None or machine in self.machines
 
 
 class CutError(Exception):
@@ -91,9 +91,13 @@ class Subscription:
         """Whether the hub has given this reader up."""
         return self._cut.is_set()
 
+    def wants(self, type: str, machine: str | None) -> bool:  # noqa: A002
+        """Whether a message of this kind would be taken."""
+        return not self.is_cut and self.wanted.takes(type, machine)
+
     def offer(self, message: Message) -> None:
         """Take a published message, if this reader wants it; never waits."""
-        if self.is_cut or not self.wanted.takes(message):
+        if not self.wants(message.type, message.machine):
             return
         if message.type == STATE:
             # The newest state takes the place of the one that still waits: never a backlog.
@@ -126,7 +130,7 @@ class Subscription:
     def narrow(self, wanted: Filter) -> None:
         """Change what this reader gets from now on."""
         self.wanted = wanted
-        self._states = {key: held for key, held in self._states.items() if wanted.takes(held)}
+        self._states = {key: held for key, held in self._states.items() if wanted.takes(held.type, held.machine)}
 
     async def next(self) -> str:
         """The next text to send. Raises CutError when the hub has given this reader up."""
@@ -191,19 +195,20 @@ class Hub:
     ) -> int:
         """Announce something; its sequence number. Never waits for a reader.
 
-        `data` as a function is called now, or not at all where nobody listens and nobody could ask for it later.
+        `data` as a function is called now, or not at all where nobody wants it and nobody could ask for it later.
         """
         self._seq += 1
-        if type in (STATE, CONSOLE) and not self._subscriptions:
-            self.published[type] += 1
-            return self._seq  # nobody is there, and it is not kept for anybody who was
+        self.published[type] += 1
+        kept = type not in (STATE, CONSOLE)
+        readers = [reader for reader in self._subscriptions if reader.wants(type, machine)]
+        if not kept and not readers:
+            return self._seq
         content = data() if callable(data) else data
         message = Message(self._seq, type, machine, self.envelope(type, content, machine=machine, seq=self._seq))
-        self.published[type] += 1
-        if type not in (STATE, CONSOLE):
+        if kept:
             self._keep(message)
-        for subscription in self._subscriptions:
-            subscription.offer(message)
+        for reader in readers:
+            reader.offer(message)
         return self._seq
 
     def envelope(
@@ -233,7 +238,7 @@ class Hub:
         """The texts of what was published after `since` and never dropped; None when that is no longer known."""
         if not self._forgotten_seq <= since <= self._seq:
             return None
-        return [kept.text for kept in self._kept if kept.seq > since and wanted.takes(kept)]
+        return [kept.text for kept in self._kept if kept.seq > since and wanted.takes(kept.type, kept.machine)]
 
     def _keep(self, message: Message) -> None:
         self._kept.append(message)

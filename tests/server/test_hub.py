@@ -2,6 +2,7 @@ import asyncio
 import itertools
 import json
 from datetime import UTC, datetime
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -297,3 +298,57 @@ def test_what_a_machine_says_cannot_break_the_json() -> None:
         assert json.loads(text)["data"] == {"text": "\ud800\u2028</script>\x00", "x": None, "y": [None]}
 
     run(main())
+
+
+class Asked:
+    """Data that count how often they were asked for."""
+
+    def __init__(self) -> None:
+        self.times = 0
+
+    def __call__(self) -> dict[str, Any]:
+        self.times += 1
+        return {"text": "G1 X1"}
+
+
+@pytest.mark.parametrize("kind", ["state", "console"])
+def test_what_nobody_gets_is_not_made(kind: str) -> None:
+    h, data = hub(), Asked()
+    assert h.publish(kind, "mill", data) == 1
+    reader = h.subscribe(Filter())
+    h.unsubscribe(reader)
+    assert h.publish(kind, "mill", data) == 2, "the numbers rise all the same"
+    assert data.times == 0
+    assert h.published[kind] == 2
+
+
+def test_what_somebody_gets_is_made_once_for_all() -> None:
+    async def main() -> None:
+        h, data = hub(), Asked()
+        readers = [h.subscribe(Filter()) for _ in range(3)]
+        h.publish("console", "mill", data)
+        assert [json.loads(await reader.next())["data"] for reader in readers] == [{"text": "G1 X1"}] * 3
+        assert data.times == 1
+
+    run(main())
+
+
+def test_what_can_be_asked_for_later_is_made_with_nobody_there() -> None:
+    h, data = hub(), Asked()
+    h.publish("job", "mill", data)
+    assert data.times == 1
+    missed = h.missed(0, Filter())
+    assert missed is not None
+    assert [json.loads(text)["data"] for text in missed] == [{"text": "G1 X1"}]
+
+
+def test_a_message_that_no_reader_wants_is_not_made() -> None:
+    h, data = hub(), Asked()
+    h.subscribe(Filter(topics=frozenset({"job"})))
+    h.subscribe(Filter(machines=frozenset({"router"})))
+    h.publish("console", "mill", data)
+    h.publish("state", "mill", data)
+    assert data.times == 0
+    h.subscribe(Filter(topics=frozenset({"console"}), machines=frozenset({"mill"})))
+    h.publish("console", "mill", data)
+    assert data.times == 1

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -105,6 +106,59 @@ def test_one_timer_is_armed_anew_and_rings_once() -> None:
             bench.link.pump()
         await asyncio.sleep(10.0)
         assert bench.engine.ticks == pytest.approx([3.0])
+
+    run_simulated(main())
+
+
+def test_a_timer_that_rings_before_anything_is_due_does_not_call_the_engine() -> None:
+    async def main() -> None:
+        bench = Bench()
+        bench.engine.due_at = 1.0
+        bench.link.pump()
+        bench.engine.due_at = 4.0  # put off: the timer stays where it is
+        bench.link.pump()
+        bench.offers.append(lambda: pytest.fail("nothing has happened that could have made the engine free"))
+        await asyncio.sleep(2.0)
+        assert bench.engine.ticks == []
+        bench.offers.clear()
+        await asyncio.sleep(8.0)
+        assert bench.engine.ticks == pytest.approx([4.0])
+
+    run_simulated(main())
+
+
+def test_a_timer_that_rings_when_there_is_no_deadline_any_more_does_nothing() -> None:
+    async def main() -> None:
+        bench = Bench()
+        bench.engine.due_at = 1.0
+        bench.link.pump()
+        bench.engine.due_at = None  # without a pump: the engine was only asked something
+        await asyncio.sleep(5.0)
+        assert bench.engine.ticks == []
+        bench.engine.due_at = 7.0
+        bench.link.pump()
+        await asyncio.sleep(5.0)
+        assert bench.engine.ticks == pytest.approx([7.0])
+
+    run_simulated(main())
+
+
+def test_a_deadline_that_is_put_off_again_and_again_costs_one_timer() -> None:
+    async def main() -> None:
+        bench = Bench()
+        loop = asyncio.get_running_loop()
+        armed: list[float] = []
+        call_at = loop.call_at
+
+        def counted(when: float, *args: Any, **kwargs: Any) -> asyncio.TimerHandle:
+            armed.append(when)
+            return call_at(when, *args, **kwargs)
+
+        loop.call_at = counted  # type: ignore[method-assign]
+        for count in range(1, 101):
+            bench.engine.due_at = float(count)
+            bench.link.pump()
+        assert armed == [1.0]
 
     run_simulated(main())
 

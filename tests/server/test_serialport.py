@@ -4,12 +4,13 @@ import asyncio
 import os
 import pty
 import tty
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from random import Random
 
 import pytest
 
-from server.serialport import PortOpener, list_ports
+from server.serialport import READ_BYTES, PortOpener, list_ports
 from tests.harness.simloop import run_simulated
 
 pytestmark = pytest.mark.real
@@ -112,6 +113,97 @@ def test_a_network_port_carries_bytes_both_ways_and_its_loss_is_told() -> None:
         server.close()
         with pytest.raises(ConnectionRefusedError):
             await PortOpener()(f"tcp://127.0.0.1:{number}", 0, ends.data.extend, ends.lost.append)
+
+    asyncio.run(main())
+
+
+@asynccontextmanager
+async def network_port() -> AsyncIterator[tuple[str, asyncio.Queue[asyncio.StreamWriter]]]:
+    """An address, and the other ends of those who connect to it."""
+    ends: asyncio.Queue[asyncio.StreamWriter] = asyncio.Queue()
+
+    async def serve(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        ends.put_nowait(writer)
+
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    try:
+        yield f"tcp://127.0.0.1:{server.sockets[0].getsockname()[1]}", ends
+    finally:
+        server.close()
+
+
+def test_what_comes_piece_by_piece_is_handed_on_piece_by_piece_and_stays_as_it_was() -> None:
+    async def main() -> None:
+        async with network_port() as (url, others):
+            pieces: list[bytes] = []
+            ends = Ends()
+            port = await PortOpener()(url, 0, pieces.append, ends.lost.append)
+            other = await others.get()
+            sent = [b"CRC16,VALUE<#1", b"5;REC", b"E", b"IVED,ID<#7;"]
+            for count, piece in enumerate(sent, 1):
+                other.write(piece)
+                await ends.until(lambda count=count: len(pieces) == count)  # type: ignore[misc]
+            assert pieces == sent, "the buffer is filled again, what was handed on is not"
+            port.close()
+            other.close()
+
+    asyncio.run(main())
+
+
+def test_a_burst_of_more_than_the_buffer_holds_comes_whole_and_in_order() -> None:
+    async def main() -> None:
+        async with network_port() as (url, others):
+            pieces: list[bytes] = []
+            ends = Ends()
+            burst = Random(7).randbytes(5 * READ_BYTES + 123)
+            port = await PortOpener()(url, 0, pieces.append, ends.lost.append)
+            other = await others.get()
+            other.write(burst)
+            await ends.until(lambda: sum(map(len, pieces)) >= len(burst))
+            assert b"".join(pieces) == burst
+            assert max(map(len, pieces)) <= READ_BYTES
+            port.close()
+            other.close()
+
+    asyncio.run(main())
+
+
+def test_a_port_that_is_closed_in_the_middle_of_a_burst_hands_on_nothing_more() -> None:
+    async def main() -> None:
+        async with network_port() as (url, others):
+            pieces: list[bytes] = []
+            ends = Ends()
+
+            def close_at_once(data: bytes) -> None:
+                pieces.append(data)
+                port.close()
+
+            port = await PortOpener()(url, 0, close_at_once, ends.lost.append)
+            other = await others.get()
+            other.write(bytes(3 * READ_BYTES))
+            await ends.until(lambda: bool(pieces))
+            await ends.until(other.is_closing)
+            port.write(b"nobody hears this")
+            assert len(pieces) == 1
+            assert ends.lost == [], "whoever closes it knows"
+            other.close()
+
+    asyncio.run(main())
+
+
+def test_a_network_port_that_is_cut_off_in_the_middle_of_a_message_is_lost_once() -> None:
+    async def main() -> None:
+        async with network_port() as (url, others):
+            ends = Ends()
+            port = await PortOpener()(url, 0, ends.data.extend, ends.lost.append)
+            other = await others.get()
+            other.write(b"RECEIVED,I")
+            await ends.until(lambda: len(ends.data) == 10)
+            other.transport.abort()
+            await ends.until(lambda: bool(ends.lost))
+            port.close()
+            await asyncio.sleep(0.01)
+            assert (bytes(ends.data), len(ends.lost)) == (b"RECEIVED,I", 1)
 
     asyncio.run(main())
 
