@@ -45,12 +45,13 @@ def profile(length_mm: float, speed: float, nominal: float, leave: float, accele
         slower = _ramp(length_mm, speed, nominal, acceleration)
         pieces.append(slower)
         length_mm -= slower.length_mm
-        speed -= acceleration * slower.seconds
         if length_mm <= _NOTHING_MM:
             return pieces
+        speed = nominal
     peak = math.sqrt(max(0.0, min(nominal**2, (speed**2 + leave**2) / 2 + acceleration * length_mm)))
-    if peak < speed:
+    if speed**2 - leave**2 > 2 * acceleration * length_mm:
         return [*pieces, _ramp(length_mm, speed, leave, acceleration)]
+    peak = max(peak, speed)
     if peak < leave:
         faster = math.sqrt(speed**2 + 2 * acceleration * length_mm)
         return [*pieces, Piece((faster - speed) / acceleration, speed, acceleration)]
