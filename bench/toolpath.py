@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
-from bench.programs import as_bytes, part, relief
+from bench.programs import arcs, as_bytes, four_axis, part, raster, relief
 from bench.report import Figure, Report
 from gcode.interpret import segments_of
 from gcode.lines import pieces
@@ -58,25 +58,26 @@ def compare(data: bytes) -> Iterator[Figure]:
     count = sum(len(piece) for piece in segments)
     scale = MILLION / count
     levels = levels_in(packed[: head_bytes(packed[: HEAD.size])])
-    edges = levels[0].vertices
     whole_s = reading_s + drawing_s
     yield Figure("segments", count, digits=0)
-    yield Figure("edges, arcs as chords", edges, digits=0)
+    yield Figure("of them arcs", levels[0].arcs, digits=0)
     yield Figure("for a million segments: word reader alone", yard_s * scale, "s")
     yield Figure("for a million segments: bytes to segments", reading_s * scale, "s")
     yield Figure("for a million segments: segments to drawing", drawing_s * scale, "s")
     yield Figure("for a million segments: bytes to drawing", whole_s * scale, "s", goal=GOAL_S)
     yield Figure("bytes to drawing / word reader, time", whole_s / yard_s, "x")
-    yield Figure("all levels, for an edge", len(packed) / edges, "bytes", goal=GOAL_BYTES, digits=1)
-    yield Figure("all levels, for a segment", len(packed) / count, "bytes", digits=1)
+    yield Figure("all levels, for a segment", len(packed) / count, "bytes", goal=GOAL_BYTES, digits=1)
     for number, level in enumerate(levels):
         yield Figure(f"level {number}, {level.tolerance_mm:g} mm", level.bytes / MILLION, "MB")
 
 
-def run(*, relief_lines: int = 1_000_010, features: int = 10_000) -> Report:
-    """A fine relief, as wordy as CAM writes it, and an ordinary part with arcs."""
+def run(*, relief_lines: int = 1_000_010, features: int = 10_000, other_lines: int = 300_000) -> Report:
+    """A fine relief, as wordy as CAM writes it, an ordinary part with arcs, and `other_lines` of the less ordinary."""
     programs = {
         "fine relief": as_bytes(relief(SEED, relief_lines)),
         "ordinary part": as_bytes(part(SEED, features)),
+        "every second move an arc": as_bytes(arcs(SEED, other_lines)),
+        "four axes": as_bytes(four_axis(SEED, other_lines)),
+        "raster by laser": as_bytes(raster(SEED, other_lines)),
     }
     return Report.of(TITLE, [(name, compare(data)) for name, data in programs.items()])

@@ -1,6 +1,7 @@
 """Segments to the binary drawing of docs/toolpath.md: a head, and levels of detail in blocks of packed columns.
 
-Not the corners (vertices.py), not their thinning (detail.py). What comes out is to be kept in files by whoever asks,
+Not the corners (vertices.py), not their thinning (detail.py), not the packing of a level (blocks of them:
+packing.py). What comes out is to be kept in files by whoever asks,
 for a long program is not held here. The one rule: what a reader needs to know is in docs/toolpath.md, to the byte;
 a change of it is a new FORMAT_VERSION.
 """
@@ -9,18 +10,18 @@ import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import nan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcode.detail import TOLERANCES_MM, Thinning, coarser
-from gcode.segments import Floats, Ints, Segments
-from gcode.vertices import CHORD_TOLERANCE_MM, UNIT, VertexMaker, Vertices
+from gcode.detail import TOLERANCES_MM, Thinning
+from gcode.packing import PackedLevel, padded
+from gcode.segments import Floats, Segments
+from gcode.vertices import UNIT, VertexMaker, Vertices, joined
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 MAGIC = b"MSTP"
-BLOCK_VERTICES = 1024
-"""Widths are chosen by the block: one long move makes a thousand neighbours wide, not all."""
 
 GATHERED_VERTICES = 65_536
 """Are encoded at once. The first and the last of them are in every level."""
@@ -28,33 +29,33 @@ GATHERED_VERTICES = 65_536
 LEVEL_SHARE = 3
 """A level has at most one in so many vertices of the level before, else it is not worth its place."""
 
+JUDGED_VERTICES, HOPELESS_SHARE = 131_072, 2
+"""From so many vertices of the finest level on, a rung with more than one in so many of them is given up: packing it
+would be for nothing."""
+
 MAX_VERTICES = 100_000_000
 """Of the finest level: 0.7 to 1.2 GB, which no browser draws. A GET must not fill the disk."""
 
 MAX_LEVEL = len(TOLERANCES_MM)
 
+_TOLERANCES_MM = (0.0, *TOLERANCES_MM)
+
 EXACT_FEEDS = 32_768
 """Different feeds that are kept as they are. When more come, those have three digits, so that a number of two bytes
 reaches them all: with inverse time each line has a feed of its own."""
 
-OUT_OF_RANGE, COARSE_ARCS, ROUNDED_FEEDS = 1, 2, 4
+OUT_OF_RANGE, STRAIGHT_ARCS, ROUNDED_FEEDS = 1, 2, 4
 """Bits of `flags` in the head."""
 
-HEAD = struct.Struct("<4sHHIBBHIIIIddQII")
-"""Magic, version, level, bytes of the head, axes, levels, flags, known axes, tools, feeds, frames, unit, chord
-tolerance, segments, last line, 0."""
+HEAD = struct.Struct("<4sHHIBBHIIIIdQII")
+"""Magic, version, level, bytes of the head, axes, levels, flags, known axes, tools, feeds, frames, unit, segments, last
+line, 0."""
 
-LEVEL = struct.Struct("<dIIQ")
-"""Tolerance in mm, vertices, blocks, bytes."""
+LEVEL = struct.Struct("<dQIIII")
+"""Tolerance in mm, bytes, vertices, arcs, blocks, 0."""
 
-SPARSE = 5
-"""Width of a column of differences that are nearly all 0, as Z in a pocket: the others with their places."""
-
-_SPARSE_HEAD_BYTES, _SPARSE_BYTES = 6, 6
-_BLOCK = struct.Struct("<II")
 _LEVEL_AT = 6
 _FEED_BOUNDS = (1e-9, 1e9)
-_KNOWN_WIDTHS = ((-0x80, 0x7F), (-0x8000, 0x7FFF), (-0x80_0000, 0x7F_FFFF))
 
 
 class ToolpathTooLongError(ValueError):
@@ -66,21 +67,22 @@ class Level:
     """`tolerance_mm`: how far its path may run from the finest one."""
 
     tolerance_mm: float
-    vertices: int
-    blocks: int
     bytes: int
+    vertices: int
+    arcs: int
+    blocks: int
 
 
 class ToolpathEncoder:
     """Takes segments in order; gives out (rung, bytes) to be kept apart by rung, and in the end which rungs count."""
 
-    def __init__(self, axes: str, *, chord_tolerance_mm: float = CHORD_TOLERANCE_MM) -> None:
+    def __init__(self, axes: str) -> None:
         self._axes = axes
-        self._chord_tolerance_mm = chord_tolerance_mm
-        self._maker = VertexMaker(axes, chord_tolerance_mm=chord_tolerance_mm)
+        self._maker = VertexMaker(axes)
         self._waiting: list[Vertices] = []
         self._waiting_count = 0
-        self._rungs = [_Rung(tolerance_mm) for tolerance_mm in (0.0, *TOLERANCES_MM)]
+        self._rungs = [PackedLevel() for _ in _TOLERANCES_MM]
+        self._wanted = list(range(1, len(_TOLERANCES_MM)))
         self._feeds = _Feeds()
         self._tools = _Table()
         self._frames: Sequence[Sequence[float]] = ()
@@ -104,38 +106,43 @@ class ToolpathEncoder:
     def rungs(self) -> list[int]:
         """The rungs that are worth keeping, the finest first: those are the levels 0, 1, ..."""
         kept = [0]
-        for number, rung in enumerate(self._rungs):
-            if number and rung.vertices * LEVEL_SHARE <= self._rungs[kept[-1]].vertices and rung.vertices:
+        for number in self._wanted:
+            vertices = self._rungs[number].vertices
+            if vertices and vertices * LEVEL_SHARE <= self._rungs[kept[-1]].vertices:
                 kept.append(number)
         return kept
 
     def head(self) -> bytes:
         """Stands before the levels; see `for_level`."""
-        levels = [self._rungs[number].level() for number in self.rungs()]
+        kept = self.rungs()
         maker, axes = self._maker, len(self._axes)
-        tables = b"".join(LEVEL.pack(level.tolerance_mm, level.vertices, level.blocks, level.bytes) for level in levels)
+        tables = b"".join(
+            LEVEL.pack(_TOLERANCES_MM[number], rung.bytes, rung.vertices, rung.arcs, rung.blocks, 0)
+            for number, rung in ((number, self._rungs[number]) for number in kept)
+        )
         box = np.array([maker.box.low, maker.box.high, maker.cuts.low, maker.cuts.high]) * UNIT
         tables += box.T.astype("<f8").tobytes()
         frames = np.array(self._frames, "<f8").reshape(-1, axes) if axes else np.empty((0, 0), "<f8")
         tables += frames.tobytes()
         tables += np.array(self._tools.values, "<i4").tobytes()
         tables += np.array(self._feeds.values, "<f4").tobytes()
-        tables = _padded(tables + self._axes.encode("ascii"), 8)
-        flags = OUT_OF_RANGE * maker.out_of_range | COARSE_ARCS * maker.coarse | ROUNDED_FEEDS * self._feeds.rounded
+        tables = padded(tables + self._axes.encode("ascii"), 8)
+        flags = (
+            OUT_OF_RANGE * maker.out_of_range | STRAIGHT_ARCS * maker.straightened | ROUNDED_FEEDS * self._feeds.rounded
+        )
         fixed = HEAD.pack(
             MAGIC,
             FORMAT_VERSION,
             0,
             HEAD.size + len(tables),
             axes,
-            len(levels),
+            len(kept),
             flags,
             maker.known,
             len(self._tools.values),
             len(self._feeds.values),
             len(frames),
             UNIT,
-            self._chord_tolerance_mm,
             maker.segments,
             self._last_line,
             0,
@@ -147,34 +154,28 @@ class ToolpathEncoder:
         self._last_line = max(self._last_line, int(gathered.line.max()))
         if self._rungs[0].vertices + len(gathered) > MAX_VERTICES:
             raise ToolpathTooLongError(f"line {gathered.line[0]}: more than {MAX_VERTICES:,} vertices up to here")
+        self._give_up()
         feeds = self._feeds.ids(gathered.feed)
-        gathered.tool = self._tools.ids(gathered.tool.astype(np.float64))
+        gathered.tool = self._tools.ids(gathered.tool)
         thinning = Thinning(gathered)
         done = [(0, self._rungs[0].add(gathered, feeds))]
-        for number, rung in enumerate(self._rungs[1:], 1):
-            chosen = thinning.thin(rung.tolerance_mm)
-            done.append((number, rung.add(coarser(gathered, chosen), feeds[chosen])))
+        for number in self._wanted:
+            chosen = thinning.thin(_TOLERANCES_MM[number])
+            done.append((number, self._rungs[number].add(thinning.left(), feeds[chosen])))
         return done
 
-
-def joined(parts: Sequence[Vertices]) -> Vertices:
-    """One after the other."""
-    if len(parts) == 1:
-        return parts[0]
-    return Vertices(
-        np.concatenate([part.position for part in parts], axis=1),
-        np.concatenate([part.line for part in parts]),
-        np.concatenate([part.kind for part in parts]),
-        np.concatenate([part.feed for part in parts]),
-        np.concatenate([part.tool for part in parts]),
-        np.concatenate([part.frame for part in parts]),
-        np.concatenate([part.unknown for part in parts]),
-    )
+    def _give_up(self) -> None:
+        """Rungs that after a good part of the program are far from worth keeping; the last may still become it."""
+        finest = self._rungs[0].vertices
+        if finest >= JUDGED_VERTICES:
+            *some, last = self._wanted
+            self._wanted = [number for number in some if self._rungs[number].vertices * HOPELESS_SHARE <= finest]
+            self._wanted.append(last)
 
 
-def toolpath(parts: Iterable[Segments], axes: str, *, chord_tolerance_mm: float = CHORD_TOLERANCE_MM) -> bytes:
+def toolpath(parts: Iterable[Segments], axes: str) -> bytes:
     """All at once, in memory: the head and every level. `for_level` and `levels_in` tell them apart."""
-    encoder = ToolpathEncoder(axes, chord_tolerance_mm=chord_tolerance_mm)
+    encoder = ToolpathEncoder(axes)
     kept: list[list[bytes]] = [[] for _ in range(MAX_LEVEL + 1)]
     for segments in parts:
         for rung, data in encoder.add(segments):
@@ -196,7 +197,7 @@ def levels_in(head: bytes) -> list[Level]:
     """The levels, the finest first, in the order in which they follow the head."""
     head_bytes(head)
     count = HEAD.unpack_from(head)[5]
-    return [Level(*LEVEL.unpack_from(head, HEAD.size + number * LEVEL.size)) for number in range(count)]
+    return [Level(*LEVEL.unpack_from(head, HEAD.size + number * LEVEL.size)[:-1]) for number in range(count)]
 
 
 def for_level(head: bytes, level: int) -> bytes:
@@ -211,15 +212,15 @@ class _Table:
         self.values: list[float] = list(values)
         self._known: dict[float, int] = {}
 
-    def ids(self, column: Floats) -> Ints:
+    def ids(self, column: NDArray[Any]) -> NDArray[np.int32]:
         """The place of each value in the table; looks at the runs of equal ones only."""
         starts = np.concatenate(([0], np.flatnonzero(column[1:] != column[:-1]) + 1))
-        firsts: Floats
         firsts, inverse = np.unique(column[starts], return_inverse=True)
-        return np.repeat(self._ids(firsts)[inverse], np.diff(starts, append=len(column)))
+        found = self._ids(firsts)[inverse]
+        return found if len(starts) == len(column) else np.repeat(found, np.diff(starts, append=len(column)))
 
-    def _ids(self, different: Floats) -> Ints:
-        return np.array([self._id(value) for value in different.tolist()], np.int64)
+    def _ids(self, different: NDArray[Any]) -> NDArray[np.int32]:
+        return np.array([self._id(value) for value in different.tolist()], np.int32)
 
     def _id(self, value: float) -> int:
         number = self._known.setdefault(value, len(self.values))
@@ -236,15 +237,14 @@ class _Feeds(_Table):
         self._known[-1.0] = 0
         self.rounded = False
 
-    def ids(self, column: Floats) -> Ints:
-        kept: Floats = np.minimum(np.maximum(column, -1.0), _FEED_BOUNDS[1])
-        return super().ids(kept.astype(np.float32).astype(np.float64))
+    def ids(self, column: NDArray[Any]) -> NDArray[np.int32]:
+        return super().ids(np.clip(column, np.float32(-1.0), np.float32(_FEED_BOUNDS[1])))
 
-    def _ids(self, different: Floats) -> Ints:
+    def _ids(self, different: NDArray[Any]) -> NDArray[np.int32]:
         fresh = np.array([value not in self._known for value in different.tolist()], np.bool_)
         if len(self.values) + np.count_nonzero(fresh) > EXACT_FEEDS:
             self.rounded = True
-            different = np.where(fresh, _three_digits(different), different)
+            different = np.where(fresh, _three_digits(different.astype(np.float64)), different)
         return super()._ids(different)
 
 
@@ -252,78 +252,3 @@ def _three_digits(values: Floats) -> Floats:
     size = np.maximum(values, _FEED_BOUNDS[0])
     unit = 10.0 ** (np.floor(np.log10(size)) - 2.0)
     return (np.rint(size / unit) * unit).astype(np.float32).astype(np.float64)
-
-
-class _Rung:
-    """A level as it is encoded, piece by piece."""
-
-    def __init__(self, tolerance_mm: float) -> None:
-        self.tolerance_mm = tolerance_mm
-        self.vertices = self.blocks = self.bytes = 0
-        self._last: tuple[NDArray[np.int32], int] | None = None
-
-    def level(self) -> Level:
-        return Level(self.tolerance_mm, self.vertices, self.blocks, self.bytes)
-
-    def add(self, vertices: Vertices, feeds: Ints) -> bytes:
-        """The blocks of these vertices. Feeds and tools are numbers in their tables already."""
-        count = len(vertices)
-        before, line = self._last or (vertices.position[:, 0], int(vertices.line[0]))
-        self._last = (vertices.position[:, -1].copy(), int(vertices.line[-1]))
-        bases = [np.concatenate(([base], row)) for base, row in zip(before, vertices.position, strict=True)]
-        bases.append(np.concatenate(([line], vertices.line)).astype(np.int32))
-        # Modulo 2^32, as the reader adds them up.
-        columns = [_Column(np.diff(base), signed=True) for base in bases]
-        described = (vertices.kind, feeds, vertices.tool, vertices.frame, vertices.unknown)
-        columns += [_Column(values, signed=False) for values in described]
-        starts = range(0, count, BLOCK_VERTICES)
-        base_rows = np.array([base[:-1:BLOCK_VERTICES] for base in bases], "<i4").T
-        pieces = []
-        for number, start in enumerate(starts):
-            end = min(start + BLOCK_VERTICES, count)
-            widths = bytes(column.widths[number] for column in columns)
-            packed = [column.packed(number, start, end) for column in columns]
-            body = base_rows[number].tobytes() + _padded(widths, 4) + b"".join(packed)
-            pieces.append(_BLOCK.pack(end - start, _BLOCK.size + len(body)) + body)
-        data = b"".join(pieces)
-        self.vertices += count
-        self.blocks += len(starts)
-        self.bytes += len(data)
-        return data
-
-
-class _Column:
-    """Numbers of which each block takes as many bytes as it needs: 0 (all are the same), 1, 2, 3 or 4, or SPARSE."""
-
-    def __init__(self, values: "NDArray[np.integer]", *, signed: bool) -> None:
-        self._values = values
-        self._signed = signed
-        starts = np.arange(0, len(values), BLOCK_VERTICES)
-        low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
-        if signed:
-            wide = [(low < least) | (high > most) for least, most in _KNOWN_WIDTHS]
-            widths = 1 + wide[0].astype(np.int64) + wide[1] + wide[2]
-            rare = np.add.reduceat((values != 0).astype(np.int64), starts)
-            sizes = np.diff(starts, append=len(values))
-            widths = np.where(_SPARSE_HEAD_BYTES + _SPARSE_BYTES * rare < widths * sizes, SPARSE, widths)
-        else:
-            widths = np.where(high > 0xFFFF, 4, np.where(high > 0xFF, 2, 1))
-        self.widths: list[int] = np.where(low == high, 0, widths).tolist()
-
-    def packed(self, number: int, start: int, end: int) -> bytes:
-        width = self.widths[number]
-        if width == 0:
-            return int(self._values[start]).to_bytes(4, "little", signed=self._signed)
-        values = self._values[start:end]
-        if width == SPARSE:
-            places = np.flatnonzero(values)
-            count = len(places).to_bytes(4, "little")
-            return count + _padded(places.astype("<u2").tobytes(), 4) + values[places].astype("<i4").tobytes()
-        if width == 3:
-            low = (values & 0xFFFF).astype("<u2").tobytes()
-            return _padded(low, 4) + _padded((values >> 16).astype(np.int8).tobytes(), 4)
-        return _padded(values.astype(f"<{'i' if self._signed else 'u'}{width}").tobytes(), 4)
-
-
-def _padded(data: bytes, unit: int) -> bytes:
-    return data + bytes(-len(data) % unit)

@@ -1,18 +1,19 @@
-"""Segments to the corners of a drawing: whole microns, arcs as chords. Not levels of detail, and not the bytes.
+"""Segments to the corners of a drawing: whole microns, arcs with their centres. Neither levels of detail nor bytes.
 
-Chords here are for the eye; those that a controller makes of an arc are in chords.py. The one rule: every vertex is
-rounded by itself from the segment's own numbers, so no error adds up along the path.
+The chords of an arc are the reader's affair; those that a controller makes are in chords.py. The one rule: every vertex
+is rounded by itself from the segment's own numbers, so no error adds up along the path.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from math import nan
+from math import inf, nan, pi
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcode.segments import CUTS, DWELL, PLANE_AXES, Bools, Floats, Ints, Segments
+from gcode.arcs import reach
+from gcode.segments import CUTS, DWELL, FEED, Bools, Floats, Ints, Segments
 
 UNIT = 0.001
 """mm (degrees) of one count."""
@@ -20,25 +21,52 @@ UNIT = 0.001
 START = 0x80
 """Bit of `kind`: nothing leads from the vertex before to this one."""
 
-CHORD_TOLERANCE_MM = 0.01
-"""How far a chord may run beside its arc: nothing that a screen shows of a whole part."""
+PIECE_SEGMENTS = 65_536
+"""Are made at once: bounds the memory, whatever comes in one piece."""
 
-FEWEST_A_TURN = 8
-"""A circle stays one, however small it is."""
-
-MOST_CHORDS = 4096
-"""Of one arc. A turn of 2 m radius needs 993; without a limit one hostile line could fill the memory."""
-
-CHORD_BUDGET = 16_000_000
-"""Of one program; arcs after that have COARSE_CHORDS at most. A million circles would make gigabytes otherwise."""
-
-COARSE_CHORDS = 8
-
-PIECE_VERTICES = 131_072
-"""About how many vertices are made at once: bounds the memory, whatever comes in one piece."""
+_COUNTS = 1000.0
+"""In one mm: a product is one rounding fewer than a quotient by UNIT."""
 
 _LIMIT = 2_147_483_000.0
 """Counts. Farther out a coordinate is as good as unknown: 2.1 km, 5,965 turns."""
+
+_ROUNDING = 3.0
+"""Counts by which ends and centre of an arc, rounded, may bend it."""
+
+_IS_CUT = np.isin(np.arange(256), CUTS)
+
+
+@dataclass(slots=True)
+class Arcs:
+    """Columns of m arcs. `at`: the vertex that each leads to, ascending.
+
+    `centre` (2, m) in counts from the vertex before, in the first and second axis of `plane` (17, 18, 19); `sweep` in
+    rad, positive counter-clockwise; `bulge` counts that the arc is away from its chord at most.
+    """
+
+    at: Ints
+    centre: NDArray[np.int32]
+    sweep: NDArray[np.float32]
+    plane: NDArray[np.uint8]
+    bulge: Floats
+
+    @classmethod
+    def none(cls) -> "Arcs":
+        """No arcs."""
+        return cls(
+            np.empty(0, np.int64),
+            np.empty((2, 0), np.int32),
+            np.empty(0, np.float32),
+            np.empty(0, np.uint8),
+            np.empty(0),
+        )
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+    def picked(self, where: Any, at: Ints) -> "Arcs":
+        """Some of them, in order, that lead to the vertices `at`."""
+        return Arcs(at, self.centre[:, where], self.sweep[where], self.plane[where], self.bulge[where])
 
 
 @dataclass(slots=True)
@@ -46,23 +74,41 @@ class Vertices:
     """Columns of n corners; the way to each is described by its own row.
 
     `position` (axes, n) in counts of UNIT; `unknown` has a bit for each axis whose coordinate is not certain, which
-    then is held as it was last. `feed` mm/min, -1 where there is none; `frame` as in Segments.
+    then is held as it was last. `kind` as in Segments; CW and CCW without START are in `arcs`. `feed` mm/min, -1 where
+    there is none; `frame` as in Segments.
     """
 
     position: NDArray[np.int32]
-    line: Ints
+    line: NDArray[np.int32]
     kind: NDArray[np.uint8]
-    feed: Floats
-    tool: Ints
-    frame: Ints
+    feed: NDArray[np.float32]
+    tool: NDArray[np.int32]
+    frame: NDArray[np.int32]
     unknown: NDArray[np.uint16]
+    arcs: Arcs
 
     def __len__(self) -> int:
         return len(self.line)
 
-    def picked(self, where: Any) -> "Vertices":
-        """Some of them, in order."""
-        return Vertices(*(getattr(self, field.name)[..., where] for field in fields(self)))
+
+def joined(parts: Sequence[Vertices]) -> Vertices:
+    """One after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    before = np.cumsum([0, *(len(part) for part in parts)])
+    columns = {
+        field.name: np.concatenate([getattr(part, field.name) for part in parts], axis=-1)
+        for field in fields(Vertices)
+        if field.name != "arcs"
+    }
+    arcs = Arcs(
+        np.concatenate([part.arcs.at + first for part, first in zip(parts, before[:-1], strict=True)]),
+        *(
+            np.concatenate([getattr(part.arcs, name) for part in parts], axis=-1)
+            for name in ("centre", "sweep", "plane", "bulge")
+        ),
+    )
+    return Vertices(**columns, arcs=arcs)
 
 
 @dataclass(slots=True)
@@ -89,20 +135,28 @@ class Box:
                 self.low[axis] = np.fmin(self.low[axis], found.min())
                 self.high[axis] = np.fmax(self.high[axis], found.max())
 
+    def reach(self, low: Floats, high: Floats) -> None:
+        """Grow around boxes (axes, m); NaN in them is not certain."""
+        lowest = np.where(np.isnan(low), inf, low).min(axis=1, initial=inf)
+        highest = np.where(np.isnan(high), -inf, high).max(axis=1, initial=-inf)
+        self.low = np.fmin(self.low, np.where(lowest < inf, lowest, nan))
+        self.high = np.fmax(self.high, np.where(highest > -inf, highest, nan))
+
 
 class VertexMaker:
-    """Makes the vertices of consecutive segments. `flags` what had to be left out or made coarser."""
+    """Makes the vertices of consecutive segments.
 
-    def __init__(self, axes: str, *, chord_tolerance_mm: float = CHORD_TOLERANCE_MM) -> None:
+    `segments` so many were drawn; `out_of_range`, `straightened`: some coordinates, some arcs were too far out.
+    """
+
+    def __init__(self, axes: str) -> None:
         count = len(axes)
-        self._tolerance_mm = chord_tolerance_mm
         self._end = np.full(count, nan)
         self._held = np.zeros(count, np.int32)
         self._begun = False
-        self._chords_left = CHORD_BUDGET
         self.segments = 0
         self.out_of_range = False
-        self.coarse = False
+        self.straightened = False
         self.known = 0
         self.box = Box.empty(count)
         self.cuts = Box.empty(count)
@@ -113,78 +167,91 @@ class VertexMaker:
         if not drawn.all():
             segments = _picked(segments, np.flatnonzero(drawn))
         self.segments += len(segments)
-        if not len(segments):
-            return
-        counts = self._chord_counts(segments)
-        broken = self._breaks(segments)
-        many = np.cumsum(counts + broken)
-        begin = 0
-        while begin < len(segments):
-            before = int(many[begin - 1]) if begin else 0
-            end = max(begin + 1, int(np.searchsorted(many, before + PIECE_VERTICES, "right")))
-            piece = slice(begin, end)
-            yield self._piece(segments.take(piece), counts[piece], broken[piece])
-            begin = end
+        for begin in range(0, len(segments), PIECE_SEGMENTS):
+            piece = segments.take(slice(begin, begin + PIECE_SEGMENTS))
+            yield self._piece(piece, self._breaks(piece))
 
-    def _chord_counts(self, segments: Segments) -> Ints:
-        """How many edges each segment becomes: the sagitta r·(1 - cos(step / 2)) stays below the tolerance."""
-        counts = np.ones(len(segments), np.int64)
-        arcs = np.flatnonzero(segments.is_arc & np.isfinite(segments.sweep) & np.isfinite(segments.radius))
-        if not len(arcs):
-            return counts
-        radius = np.fmax(segments.radius[arcs], segments.end_radius[arcs])
-        step = 4.0 * np.arcsin(np.sqrt(np.minimum(self._tolerance_mm / (2.0 * np.maximum(radius, 1e-9)), 1.0)))
-        wanted = np.ceil(np.abs(segments.sweep[arcs]) / np.minimum(step, 2.0 * np.pi / FEWEST_A_TURN))
-        if np.any(wanted > MOST_CHORDS) or self._chords_left <= 0:
-            self.coarse = True
-        most = MOST_CHORDS if self._chords_left > 0 else COARSE_CHORDS
-        counts[arcs] = np.clip(wanted, 1, most).astype(np.int64)
-        self._chords_left -= int(counts[arcs].sum())
-        return counts
-
-    def _breaks(self, segments: Segments) -> Bools:
-        """Where a segment does not begin at the end of the one before, rounded: a vertex of its own starts there."""
+    def _breaks(self, segments: Segments) -> Ints:
+        """The segments that do not begin at the end of the one before, rounded: a vertex of its own starts there."""
         start, end = segments.start, segments.end
         broken = np.zeros(len(segments), np.bool_)
         for axis in range(len(start)):
             before = np.empty(len(segments))
             before[0] = self._end[axis]
             before[1:] = end[axis, :-1]
-            differs = start[axis] != before
-            differs &= ~(np.isnan(start[axis]) & np.isnan(before))
-            rows = np.flatnonzero(differs)
-            broken[rows[np.rint(start[axis, rows] / UNIT) != np.rint(before[rows] / UNIT)]] = True
+            rows = np.flatnonzero(start[axis] != before)
+            if len(rows):
+                here, there = start[axis, rows], before[rows]
+                differs = np.rint(here * _COUNTS) != np.rint(there * _COUNTS)
+                broken[rows[differs & ~(np.isnan(here) & np.isnan(there))]] = True
         if not self._begun:
             broken[0] = True
             self._begun = True
         self._end = end[:, -1].copy()
-        return broken
+        return np.flatnonzero(broken)
 
-    def _piece(self, segments: Segments, counts: Ints, broken: Bools) -> Vertices:
-        repeats = counts + broken
-        kind = np.where(segments.is_arc & np.isnan(segments.radius), segments.kind | START, segments.kind)
-        total = int(repeats.sum())
-        if total == len(segments):
-            row, place = np.arange(total), segments.end
-        else:
-            row = np.repeat(np.arange(len(segments)), repeats)
-            number = np.arange(total) - (np.cumsum(repeats) - repeats)[row] - broken[row] + 1
-            place = _places(segments, row, number, counts)
-            kind = np.where(number == 0, segments.kind[row] | START, kind[row])
+    def _piece(self, segments: Segments, broken: Ints) -> Vertices:
+        kind, arcs = self._arcs(segments)
+        columns: list[Any] = [segments.line, kind, segments.feed, segments.tool, segments.frame]
+        place = segments.end
+        if len(broken):
+            # A vertex more before each of those, with the start of the way for its place.
+            starts = broken + np.arange(len(broken))
+            columns = [np.insert(column, broken, column[broken]) for column in columns]
+            columns[1][starts] = segments.kind[broken] | START
+            place = np.insert(place, broken, segments.start[:, broken], axis=1)
+            arcs.at += np.searchsorted(broken, arcs.at, "right")
+        line, kind, feed, tool, frame = columns
         position, unknown = self._rounded(place)
-        feed = segments.feed[row]
+        feed = feed.astype(np.float32)
         made = Vertices(
             position,
-            segments.line[row].astype(np.int64),
-            kind.astype(np.uint8),
-            np.where(np.isfinite(feed), feed, -1.0),
-            segments.tool[row].astype(np.int64),
-            segments.frame[row].astype(np.int64),
+            line.astype(np.int32),
+            kind,
+            np.where(np.isfinite(feed), feed, np.float32(-1.0)),
+            tool.astype(np.int32, copy=False),
+            frame.astype(np.int32, copy=False),
             unknown,
+            arcs,
         )
         self.box.include(made)
-        self.cuts.include(made, np.isin(made.kind, CUTS))
+        cuts = _IS_CUT[kind]
+        self.cuts.include(made, None if cuts.all() else cuts)
         return made
+
+    def _arcs(self, segments: Segments) -> tuple[NDArray[np.uint8], Arcs]:
+        """The kinds, and the arcs with `at` the row of their segment."""
+        rows = np.flatnonzero(segments.is_arc)
+        if not len(rows):
+            return segments.kind, Arcs.none()
+        centre = np.rint(segments.centre[:, rows] * _COUNTS)
+        exists = ~np.isnan(segments.radius[rows])
+        near = (np.abs(centre) <= _LIMIT).all(axis=0) & np.isfinite(segments.sweep[rows])
+        kind = segments.kind.copy()
+        kind[rows[~exists]] |= START
+        kind[rows[exists & ~near]] = FEED
+        self.straightened |= bool(np.any(exists & ~near))
+        kept = exists & near
+        if not kept.all():
+            rows, centre = rows[kept], centre[:, kept]
+        sweep = segments.sweep[rows]
+        self._include_bulges(_picked(segments, rows))
+        return kind, Arcs(
+            rows,
+            centre.astype(np.int32),
+            sweep.astype(np.float32),
+            segments.plane[rows],
+            _bulges(segments.radius[rows], segments.end_radius[rows], sweep),
+        )
+
+    def _include_bulges(self, arcs: Segments) -> None:
+        if not len(arcs):
+            return
+        low, high = (np.rint(bound * _COUNTS) for bound in reach(arcs))
+        far = ~(np.abs(low) <= _LIMIT) | ~(np.abs(high) <= _LIMIT)
+        low[far] = high[far] = nan
+        self.box.reach(low, high)
+        self.cuts.reach(low, high)
 
     def _rounded(self, place: Floats) -> tuple[NDArray[np.int32], NDArray[np.uint16]]:
         """Counts, and which of them are not certain."""
@@ -192,12 +259,13 @@ class VertexMaker:
         position = np.empty((axes, total), np.int32)
         unknown = np.zeros(total, np.uint16)
         for axis in range(axes):
-            counts = place[axis] / UNIT
+            counts = place[axis] * _COUNTS
             np.rint(counts, out=counts)
-            good = np.abs(counts) <= _LIMIT
-            if good.all():
+            # False with any NaN among them.
+            if counts.min() >= -_LIMIT and counts.max() <= _LIMIT:
                 self.known |= 1 << axis
             else:
+                good = np.abs(counts) <= _LIMIT
                 self._hold(axis, counts, good)
                 unknown |= ((~good) << axis).astype(np.uint16)
             position[axis] = counts
@@ -207,10 +275,24 @@ class VertexMaker:
     def _hold(self, axis: int, counts: Floats, good: Bools) -> None:
         """In the place of what is not certain, the last that was."""
         self.out_of_range |= bool(np.any(~good & ~np.isnan(counts)))
-        if good.any():
-            self.known |= 1 << axis
+        if not good.any():
+            counts[:] = self._held[axis]
+            return
+        self.known |= 1 << axis
         last = np.maximum.accumulate(np.where(good, np.arange(len(counts)), -1))
         counts[:] = np.where(last < 0, self._held[axis], counts[last])
+
+
+def _bulges(radius: Floats, end_radius: Floats, sweep: Floats) -> Floats:
+    """Counts that arcs are away from their chords at most, however far they rise.
+
+    Both gone through evenly, arc and chord are farthest apart in the middle up to half a turn; beyond, never more than
+    a diameter. An arc that does not close is off its neighbour that does by what its radii differ, and so is its chord.
+    """
+    largest = np.fmax(radius, end_radius)
+    away = np.where(np.abs(sweep) <= pi, 1.0 - np.cos(sweep / 2.0), 2.0) * largest
+    found: Floats = (away + 2.0 * np.abs(np.nan_to_num(end_radius - radius))) * _COUNTS + _ROUNDING
+    return found
 
 
 def _picked(segments: Segments, rows: Ints) -> Segments:
@@ -219,32 +301,3 @@ def _picked(segments: Segments, rows: Ints) -> Segments:
         value = getattr(segments, field.name)
         columns[field.name] = value[..., rows] if isinstance(value, np.ndarray) else value
     return Segments(**columns)
-
-
-def _places(segments: Segments, row: Ints, number: Ints, counts: Ints) -> Floats:
-    """(axes, m) mm of the corner `number` of each `row`: 0 its start, `counts` its end, between them on the arc."""
-    place = segments.end[:, row]
-    starts = np.flatnonzero(number == 0)
-    place[:, starts] = segments.start[:, row[starts]]
-    inner = np.flatnonzero((number > 0) & (number < counts[row]))
-    if not len(inner):
-        return place
-    rows = row[inner]
-    share = number[inner] / counts[rows]
-    start = segments.start[:, rows]
-    points = start + (segments.end[:, rows] - start) * share
-    across, up = segments.centre[:, rows]
-    angle = np.arctan2(-up, -across) + segments.sweep[rows] * share
-    # The radius grows along an arc that does not close, so that it ends where the block says.
-    first, last = segments.radius[rows], segments.end_radius[rows]
-    radius = first + (np.where(np.isfinite(last), last, first) - first) * share
-    on_circle = (across + radius * np.cos(angle), up + radius * np.sin(angle))
-    for plane, axes in PLANE_AXES.items():
-        here = segments.plane[rows] == plane
-        if here.any():
-            for axis, way in zip(axes, on_circle, strict=False):
-                axis_row = segments.row(axis)
-                if axis_row is not None:
-                    points[axis_row, here] = start[axis_row, here] + way[here]
-    place[:, inner] = points
-    return place

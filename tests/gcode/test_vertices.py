@@ -1,14 +1,14 @@
 """Corners of the drawing: where they are, and where nothing is drawn."""
 
 from dataclasses import replace
-from math import hypot, inf, nan
+from math import hypot, inf, nan, pi
 
 import numpy as np
 import pytest
 
 from gcode import vertices as v
 from gcode.segments import CCW, CW, DWELL, FEED, HOMING, RAPID, Segments
-from gcode.vertices import START, VertexMaker, Vertices
+from gcode.vertices import START, VertexMaker, Vertices, joined
 from tests.harness.segmentrows import Path, through
 
 
@@ -16,12 +16,7 @@ def made(*parts: Segments, maker: VertexMaker | None = None) -> Vertices:
     maker = maker or VertexMaker(parts[0].axes)
     pieces = [piece for part in parts for piece in maker.vertices(part)]
     assert pieces
-    return Vertices(
-        *(
-            np.concatenate([getattr(piece, name) for piece in pieces], axis=-1)
-            for name in ("position", "line", "kind", "feed", "tool", "frame", "unknown")
-        )
-    )
+    return joined(pieces)
 
 
 def places(found: Vertices) -> list[tuple[int, ...]]:
@@ -118,7 +113,7 @@ def test_bounds_are_those_of_what_is_certain() -> None:
 @pytest.mark.parametrize("plane", [17, 18, 19])
 @pytest.mark.parametrize("clockwise", [False, True])
 @pytest.mark.parametrize("radius", [0.004, 0.5, 20.0, 3000.0])
-def test_chords_keep_to_the_arc(plane: int, clockwise: bool, radius: float) -> None:
+def test_an_arc_is_one_vertex_with_its_centre(plane: int, clockwise: bool, radius: float) -> None:
     first, second, along = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}[plane]
     at, end = [7.0, 8.0, 9.0], [7.0, 8.0, 9.0]
     end[first] += radius
@@ -126,93 +121,86 @@ def test_chords_keep_to_the_arc(plane: int, clockwise: bool, radius: float) -> N
     end[along] += 4.0
     path = Path(at=tuple(at)).arc(tuple(end), (radius, 0.0), clockwise=clockwise, plane=plane)
     found = made(path.segments())
-    assert set(found.kind[1:].tolist()) == {CW if clockwise else CCW}
-    points = found.position.T / 1000.0
-    assert points[0] == pytest.approx(at, abs=0.0005)
-    assert points[-1] == pytest.approx(end, abs=0.0005)
-    corners = points[:, [first, second]] - [at[first] + radius, at[second]]
-    assert np.hypot(*corners.T) == pytest.approx(np.full(len(points), radius), abs=0.0008)
-    middles = np.hypot(*((corners[1:] + corners[:-1]) / 2).T)
-    assert np.all(radius - middles < v.CHORD_TOLERANCE_MM + 0.0008)
-    rise = np.diff(points[:, along])
-    assert rise == pytest.approx(np.full(len(rise), 4.0 / len(rise)), abs=0.0011)
+    kind = CW if clockwise else CCW
+    assert found.kind.tolist() == [START | kind, kind]
+    assert places(found) == [tuple(round(1000 * mm) for mm in place) for place in (at, end)]
+    arcs = found.arcs
+    assert (arcs.at.tolist(), arcs.plane.tolist()) == ([1], [plane])
+    assert arcs.centre[:, 0].tolist() == [round(radius * 1000), 0]
     # From (-r, 0) of its centre to (0, r): three quarters counter-clockwise, one quarter clockwise.
-    turned = np.unwrap(np.arctan2(corners[:, 1], corners[:, 0]))
-    if radius > 0.1:
-        assert turned[-1] - turned[0] == pytest.approx(-np.pi / 2 if clockwise else 3 * np.pi / 2, abs=0.01)
+    assert arcs.sweep[0] == pytest.approx(-pi / 2 if clockwise else 3 * pi / 2)
 
 
-def test_a_full_circle_and_many_turns() -> None:
-    circle = Path(at=(10, 0, 0)).arc((10, 0, 0), (-10, 0), clockwise=False)
-    once = made(circle.segments())
-    turns = circle.segments()
-    turns.sweep = turns.sweep * 5
-    assert once.position.min(axis=1).tolist() == pytest.approx([-10000, -10000, 0], abs=10)
-    assert once.position.max(axis=1).tolist() == pytest.approx([10000, 10000, 0], abs=10)
-    assert len(made(turns)) == pytest.approx(5 * len(once), abs=10)
+def test_the_bounds_take_in_the_bulge_of_an_arc() -> None:
+    path = Path(at=(10, 0, 5)).to(10, 0, 0, kind=RAPID).arc((0, 10, -1), (-10, 0), clockwise=True)
+    maker = VertexMaker("XYZ")
+    made(path.segments(), maker=maker)
+    assert (maker.box.low.tolist(), maker.box.high.tolist()) == ([-10000, -10000, -1000], [10000, 10000, 5000])
+    assert (maker.cuts.low.tolist(), maker.cuts.high.tolist()) == ([-10000, -10000, -1000], [10000, 10000, 0])
 
 
-def test_a_small_circle_is_still_round() -> None:
-    assert len(made(Path(at=(0.01, 0, 0)).arc((0.01, 0, 0), (-0.01, 0), clockwise=True).segments())) == 9
+def test_the_bulge_is_no_less_than_any_point_of_the_arc_is_off() -> None:
+    rng = np.random.default_rng(6)
+    for _ in range(300):
+        radius, begin, grown = rng.uniform(0.01, 50), rng.uniform(0, 2 * pi), rng.choice([0.0, 0.002, 3.0])
+        sweep, rise = rng.uniform(0.01, 3 * pi), rng.choice([0.0, 7.0])
+        share = np.linspace(0, 1, 200)
+        angle, radii = begin + sweep * share, radius + grown * share
+        points = np.array([radii * np.cos(angle), radii * np.sin(angle), rise * share])
+        path = Path(at=tuple(points[:, 0])).arc(tuple(points[:, -1]), tuple(-points[:2, 0]), clockwise=False)
+        whole = replace(path.segments(), sweep=np.array([sweep]))
+        way = points[:, -1:] - points[:, :1]
+        along = np.sum((points - points[:, :1]) * way, axis=0) / max(float(np.sum(way * way)), 1e-12)
+        off = np.linalg.norm(points - points[:, :1] - way * along.clip(0, 1), axis=0).max() * 1000
+        assert off <= made(whole).arcs.bulge[0]
 
 
-def test_an_arc_that_does_not_close_ends_where_the_block_says() -> None:
-    found = made(Path(at=(10, 0, 0)).arc((0, 13, 0), (-10, 0), clockwise=False).segments())
-    radii = np.hypot(*found.position[:2].astype(float)) / 1000
-    assert places(found)[-1] == (0, 13000, 0)
-    assert np.all(np.diff(radii) > -0.002)
+def test_a_flat_arc_has_a_small_bulge() -> None:
+    # The sagitta of 10 mm on a radius of 1 m is 12.5 microns.
+    path = Path(at=(-5.0, 0, 0)).arc((5.0, 0, 0), (5.0, -((1000**2 - 25) ** 0.5)), clockwise=True)
+    assert made(path.segments()).arcs.bulge[0] == pytest.approx(12.5, abs=3.1)
+
+
+def test_arcs_behind_starts_of_their_own_lead_to_the_right_vertex() -> None:
+    path = Path(at=(0, 0, 0)).arc((2, 0, 0), (1, 0), clockwise=True)
+    path.at = (5, 5, 0)
+    path.arc((7, 5, 0), (1, 0), clockwise=True).to(9, 9, 9).arc((11, 9, 9), (1, 0), clockwise=False)
+    found = made(path.segments())
+    assert found.kind.tolist() == [START | CW, CW, START | CW, CW, FEED, CCW]
+    assert found.arcs.at.tolist() == [1, 3, 5]
 
 
 def test_an_arc_that_cannot_be_is_a_gap() -> None:
     found = made(Path(at=(0, 0, 0)).to(5, 5, 0, kind=CW, plane=17).to(6, 5, 0).segments())
     assert (found.kind & START).tolist() == [START, START, 0]
     assert places(found)[1] == (5000, 5000, 0)
+    assert len(found.arcs) == 0
 
 
 def test_an_arc_from_nowhere_is_unknown_until_its_end() -> None:
     path = Path(at=(nan, 0, 0)).to(10, 0, 0, kind=CCW, plane=17, centre=(5.0, 0.0), radius=5.0, end_radius=5.0, sweep=1)
-    found = made(path.segments())
-    assert found.unknown.tolist()[:-1] == [1] * (len(found) - 1)
-    assert found.unknown[-1] == 0
+    assert made(path.segments()).unknown.tolist() == [1, 0]
 
 
-def test_one_arc_has_a_limit() -> None:
-    path = Path(at=(1e5, 0, 0)).arc((1e5, 0, 0), (-1e5, 0), clockwise=False)
+def test_an_arc_around_a_centre_beyond_all_machines_is_straight() -> None:
+    far = 3e6
+    path = Path(at=(0, 0, 0)).arc((1, 0, 0), (0.5, far), clockwise=False)
     maker = VertexMaker("XYZ")
-    assert len(made(path.segments(), maker=maker)) == v.MOST_CHORDS + 1
-    assert maker.coarse
+    found = made(path.segments(), maker=maker)
+    assert (found.kind.tolist(), len(found.arcs), maker.straightened) == ([START | CCW, FEED], 0, True)
+    assert not maker.out_of_range
 
 
-def test_a_program_of_nothing_but_circles_has_one_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(v, "CHORD_BUDGET", 100)
-    path = Path(at=(50, 0, 0))
-    for _ in range(4):
-        path.arc((50, 0, 0), (-50, 0), clockwise=False)
-    maker = VertexMaker("XYZ")
-    whole = path.segments()
-    found = made(*(whole.take(slice(at, at + 1)) for at in range(4)), maker=maker)
-    counts = np.bincount(found.line)[1:].tolist()
-    assert counts[0] > 100
-    assert counts[1:] == [v.COARSE_CHORDS] * 3
-    assert maker.coarse
-
-
-def test_pieces_stay_of_moderate_size_however_many_chords_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(v, "PIECE_VERTICES", 1000)
-    path = Path(at=(500, 0, 0))
-    for _ in range(20):
-        path.arc((500, 0, 0), (-500, 0), clockwise=False)
+def test_pieces_stay_of_moderate_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(v, "PIECE_SEGMENTS", 10)
+    path = Path(at=(0, 0, 0))
+    for at in range(35):
+        path.arc((at + 1, 0, 0), (0.5, 0), clockwise=True)
     pieces = list(VertexMaker("XYZ").vertices(path.segments()))
-    assert len(pieces) >= 10
-    assert max(len(piece) for piece in pieces) <= 1000
-    points = np.concatenate([piece.position for piece in pieces], axis=1)
-    assert np.hypot(*points[:2].astype(float)) == pytest.approx(np.full(points.shape[1], 500_000), abs=1)
-
-
-def test_finer_chords_by_wish() -> None:
-    path = Path(at=(10, 0, 0)).arc((10, 0, 0), (-10, 0), clockwise=False).segments()
-    coarse, fine = (len(made(path, maker=VertexMaker("XYZ", chord_tolerance_mm=mm))) for mm in (0.01, 0.0001))
-    assert fine == pytest.approx(10 * coarse, rel=0.1)
+    assert [len(piece) for piece in pieces] == [11, 10, 10, 5]
+    whole = joined(pieces)
+    assert whole.position[0].tolist() == list(range(0, 36_000, 1000))
+    assert whole.arcs.at.tolist() == list(range(1, 36))
 
 
 def test_rounding_never_accumulates() -> None:

@@ -79,9 +79,9 @@ def test_each_level_is_a_file_of_its_own_and_all_are_made_once(tmp_path: Path) -
         assert len(finest.line) == 5001
         levels = finest.head["levels"]
         assert len(levels) > 1
-        for level, (_, vertices, _, _) in enumerate(levels):
+        for level, listed in enumerate(levels):
             found = read_toolpath(await fetched(toolpaths, world.id, level))
-            assert (found.head["level"], len(found.line)) == (level, vertices)
+            assert (found.head["level"], len(found.line)) == (level, listed["vertices"])
         assert await fetched(toolpaths, world.id, 99) == await fetched(toolpaths, world.id, len(levels) - 1)
         assert await fetched(world.toolpaths(), world.id) == await fetched(toolpaths, world.id)
         assert world.made == 1
