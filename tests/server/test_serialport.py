@@ -5,7 +5,7 @@ import os
 import pty
 import tty
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, contextmanager, suppress
 from random import Random
 
 import pytest
@@ -14,6 +14,8 @@ from server.serialport import READ_BYTES, PortOpener, list_ports
 from tests.harness.simloop import run_simulated
 
 pytestmark = pytest.mark.real
+
+MORE_THAN_THE_KERNEL_HOLDS = 32 * 1024 * 1024
 
 
 class Ends:
@@ -187,6 +189,35 @@ def test_a_port_that_is_closed_in_the_middle_of_a_burst_hands_on_nothing_more() 
             assert len(pieces) == 1
             assert ends.lost == [], "whoever closes it knows"
             other.close()
+
+    asyncio.run(main())
+
+
+def test_what_still_waits_to_go_out_when_a_network_port_is_closed_does_not_go_out() -> None:
+    async def main() -> None:
+        heard = 0
+        read_on, done = asyncio.Event(), asyncio.Event()
+
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            nonlocal heard
+            await read_on.wait()
+            with suppress(ConnectionError):
+                while data := await reader.read(READ_BYTES):
+                    heard += len(data)
+            writer.close()
+            done.set()
+
+        server = await asyncio.start_server(serve, "127.0.0.1", 0)
+        ends = Ends()
+        url = f"tcp://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        port = await PortOpener()(url, 0, ends.data.extend, ends.lost.append)
+        port.write(bytes(MORE_THAN_THE_KERNEL_HOLDS))
+        port.close()
+        read_on.set()
+        async with asyncio.timeout(10):
+            await done.wait()
+        assert heard < MORE_THAN_THE_KERNEL_HOLDS
+        server.close()
 
     asyncio.run(main())
 
