@@ -57,12 +57,14 @@ class Span:
 class Timeline:
     """`table`: cumulative seconds (4, places + 1) before the first line and behind the lines of each place."""
 
-    __slots__ = ("_step", "_table", "lines")
+    __slots__ = ("_step", "_table", "lines", "total_s")
 
     def __init__(self, table: Floats, lines: int) -> None:
         self.lines = max(lines, 1)
         self._table = table
         self._step = _step(self.lines)
+        self.total_s = self.between(0, self.lines).seconds()
+        """Planned seconds of the whole program."""
 
     @classmethod
     def of(cls, segments: Iterable[Segments], motion: Motion, axes: str, lines: int) -> "Timeline":
@@ -72,11 +74,6 @@ class Timeline:
             maker.add(piece)
         return maker.finish()
 
-    @property
-    def total_s(self) -> float:
-        """Planned seconds of the whole program."""
-        return self.between(0, self.lines).seconds()
-
     def seconds_before(self, line: int) -> float:
         """Planned seconds of everything that stands before this line."""
         return self.between(0, line - 1).seconds()
@@ -84,20 +81,19 @@ class Timeline:
     def between(self, behind: int, last: int) -> Span:
         """Of the lines after `behind`, up to and with `last`; nothing where there are none."""
         here, there = self._at(behind), self._at(max(last, behind))
-        feed, rapid, other, link = (float(value) for value in there - here)
-        return Span(feed, rapid, other, link)
+        return Span(*(end - begin for begin, end in zip(here, there, strict=True)))
 
-    def _at(self, line: int) -> Floats:
+    def _at(self, line: int) -> list[float]:
         """The table behind `line`, a straight line within a place."""
         line = min(max(line, 0), self.lines)
         place = min(line // self._step, self._table.shape[1] - 2)
         begin = place * self._step
         end = min(begin + self._step, self.lines)
         share = (line - begin) / (end - begin)
-        before, behind = self._table[:, place], self._table[:, place + 1]
         # Not before + share · (behind - before): behind the last line of a place exactly what stands in the table.
-        value: Floats = before * (1.0 - share) + behind * share
-        return value
+        return [
+            before * (1.0 - share) + behind * share for before, behind in self._table[:, place : place + 2].tolist()
+        ]
 
 
 class TimelineMaker:

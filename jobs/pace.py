@@ -12,9 +12,9 @@ from math import exp, isfinite, log, sqrt
 from gcode.timeline import AS_PROGRAMMED, Overrides, Timeline, overrides_of
 from jobs.experience import FURTHEST, NO_EXPERIENCE, Experience
 
-OWN_SPREAD_S = 2.7
-"""Variance of the logarithm of a run's pace after one planned second; it falls with their number (0.16 after 100 s,
-0.03 after an hour, as one deviation): the beginning of a run is not yet what the rest will be like."""
+OWN_SPREAD_S = 1.0
+"""Variance of the logarithm of a run's pace after one planned second; it falls with their number (0.1 after 100 s,
+0.02 after an hour, as one deviation): the beginning of a run is not yet what the rest will be like."""
 
 REST_SPREAD = 0.02
 """However well the pace so far is known, the rest is other lines."""
@@ -63,6 +63,7 @@ class Pace:
     timeline: Timeline | None = None
     experience: Experience = NO_EXPERIENCE
     _overrides: Overrides = AS_PROGRAMMED
+    _percent: Mapping[str, float] = field(default_factory=dict)
     _standing: bool = False
     _began: tuple[float, int] | None = None
     _at: float = 0.0
@@ -71,7 +72,7 @@ class Pace:
 
     def of_job(self, planned_s: float, taken_s: float) -> "Pace":
         """That of a job that begins or goes on under the same conditions; what it has behind it."""
-        return Pace(planned_s, taken_s, _overrides=self._overrides, _standing=self._standing)
+        return Pace(planned_s, taken_s, _overrides=self._overrides, _percent=self._percent, _standing=self._standing)
 
     def supply(self, timeline: Timeline, experience: Experience) -> None:
         """What was planned, and what is known of the machine."""
@@ -104,6 +105,9 @@ class Pace:
 
     def conditions(self, percent: Mapping[str, float], *, standing: bool) -> None:
         """Overrides by name in per cent, and whether the machine itself holds the motion (feed hold, door)."""
+        if percent is self._percent and standing == self._standing:
+            return  # most reports of a machine tell where it is
+        self._percent = percent
         overrides = overrides_of(percent)
         if (overrides, standing) != (self._overrides, self._standing):
             self.stop()

@@ -8,6 +8,7 @@ const ESTOP_ANSWER_MS = 400; // after this the stop goes out over HTTP too
 const NOTICE_MS = 8000;
 const LOG_LINES = 30;
 const JOB_ROWS = 12;
+const NARROW = 0.2; // a range no wider than this part of the estimate is shown as one figure
 const ENDED = new Set(["completed", "failed", "cancelled"]);
 const ACTIVE = new Set(["checking", "running", "paused", "waiting", "interrupted"]);
 
@@ -230,11 +231,11 @@ function renderProgress(parts, job) {
   parts.bar.hidden = !job;
   show(parts.job, job && `${job.program_name ?? `Job ${job.id}`}: ${job.status}${job.error ? `, ${job.error.message}` : ""}`);
   if (!job) return show(parts.left, "");
-  const { line, lines, seconds_elapsed: elapsed, seconds_left: left } = job.progress;
+  const { line, lines, seconds_elapsed: elapsed } = job.progress;
   parts.bar.max = Math.max(lines, 1);
   parts.bar.value = line;
   show(parts.left, [`line ${line} of ${lines}`, elapsed !== null && `${clock(elapsed)} so far`,
-    left !== null && `about ${clock(left)} left`].filter(Boolean).join(" · "));
+    remaining(job.progress)].filter(Boolean).join(" · "));
 }
 
 function renderJobs() {
@@ -255,6 +256,19 @@ function renderJobs() {
 function show(part, text) {
   part.textContent = text || "";
   part.hidden = !text;
+}
+
+/** What is left in words: one figure, or a range while it is uncertain. */
+function remaining({ seconds_left: left, seconds_left_min: least, seconds_left_max: most }) {
+  if (left === null) return "";
+  const narrow = most - least <= NARROW * left || duration(least) === duration(most);
+  return narrow ? `about ${duration(left)} left` : `${duration(least)} to ${duration(most)} left`;
+}
+
+function duration(seconds) {
+  if (seconds < 90) return `${Math.round(seconds)} s`;
+  const minutes = Math.round(seconds / 60);
+  return minutes < 90 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
 }
 
 function clock(seconds) {

@@ -15,6 +15,8 @@ POLL_S = 0.25
 """Between two looks at a job; a bar does not need more, and the daemon answers from memory."""
 MAX_SILENCE_S = 30.0
 """A daemon that is being restarted is waited for this long."""
+NARROW = 0.2
+"""A range that is no wider than this part of the estimate is told as one figure."""
 ENDED = frozenset({"completed", "failed", "cancelled", "interrupted"})
 """Nothing happens after these without a person: `interrupted` needs a decision."""
 
@@ -57,7 +59,7 @@ def follow(fetch: Fetch, title: str, *, sleep: Sleep = time.sleep) -> Mapping[st
         while True:
             job = _patiently(fetch, sleep)
             now = job["progress"]
-            lines = f"{now['line']}/{now['lines']} lines{_left(now)}"
+            lines = ", ".join(part for part in (f"{now['line']}/{now['lines']} lines", left(now)) if part)
             text = f"{safe(title)}: {describe(job)}"
             # What follows the last block (a `%`, a comment) is never executed, so it is never done either.
             done = now["lines"] if job["status"] == "completed" else now["line"]
@@ -67,9 +69,27 @@ def follow(fetch: Fetch, title: str, *, sleep: Sleep = time.sleep) -> Mapping[st
             sleep(POLL_S)
 
 
-def _left(progress: Mapping[str, Any]) -> str:
+def left(progress: Mapping[str, Any]) -> str:
+    """How long a job will still take: `about 12 min left`, or a range while it is uncertain; empty where not known."""
     seconds = progress.get("seconds_left")
-    return "" if seconds is None else f", {int(seconds) // 60}:{int(seconds) % 60:02d} left"
+    if seconds is None:
+        return ""
+    least, most = (progress.get(name) for name in ("seconds_left_min", "seconds_left_max"))
+    if least is None or most is None or most - least <= NARROW * seconds or _duration(least) == _duration(most):
+        return f"about {_duration(seconds)} left"
+    shortest, longest = _duration(least), _duration(most)
+    for unit in (" s", " min"):
+        if shortest.endswith(unit) and longest.endswith(unit) and " h " not in longest:
+            shortest = shortest.removesuffix(unit)
+    return f"{shortest} to {longest} left"
+
+
+def _duration(seconds: float) -> str:
+    """As people say it: no seconds beyond a minute and a half, no hours below one and a half."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def _patiently(fetch: Fetch, sleep: Sleep) -> Mapping[str, Any]:

@@ -20,7 +20,7 @@ from websockets.sync.client import ClientConnection, connect
 from server.cli.common import DEFAULT_URL, CliError, ExitCode, Json, Machine, Url, safe, say, say_json, terminal
 from server.cli.daemon import Daemon, unreachable
 from server.cli.machines import position_text
-from server.cli.progress import ENDED, describe
+from server.cli.progress import ENDED, describe, left
 
 TOPICS = "state,job,alarm,tool,queue"
 RETRY_S = 1.0
@@ -160,5 +160,7 @@ class Board:
             parts.append(f"ALARM {safe(state['alarm'].get('message', ''))}")
         job = self._jobs.get(name)
         if job and "progress" in job:
-            parts.append(f"job {job['id']} {describe(job)} {job['progress']['line']}/{job['progress']['lines']}")
+            progress = job["progress"]
+            parts.append(f"job {job['id']} {describe(job)} {progress['line']}/{progress['lines']}")
+            parts.append(left(progress))
         return "  ".join(part for part in parts if part)

@@ -3,7 +3,7 @@
 import pytest
 
 from server.cli.common import CliError, ExitCode
-from server.cli.progress import MAX_SILENCE_S, POLL_S, describe, follow
+from server.cli.progress import MAX_SILENCE_S, POLL_S, describe, follow, left
 from tests.harness.fakedaemon import Turns, job
 
 
@@ -70,3 +70,21 @@ def test_a_refusal_ends_it_at_once() -> None:
 )
 def test_a_job_in_words(described: dict[str, object], text: str) -> None:
     assert describe(described) == text
+
+
+@pytest.mark.parametrize(
+    ("least", "seconds", "most", "text"),
+    [
+        (None, None, None, ""),
+        (None, 40.4, None, "about 40 s left"),
+        (700.0, 720.0, 740.0, "about 12 min left"),
+        (600.0, 720.0, 864.0, "10 to 14 min left"),
+        (20.0, 40.0, 80.0, "20 to 80 s left"),
+        (60.0, 100.0, 160.0, "60 s to 3 min left"),
+        (4000.0, 5400.0, 8000.0, "67 min to 2 h 13 min left"),
+        (0.0, 0.0, 0.0, "about 0 s left"),
+        (1.3, 1.4, 1.45, "about 1 s left"),
+    ],
+)
+def test_what_is_left_in_words(least: float | None, seconds: float | None, most: float | None, text: str) -> None:
+    assert left({"seconds_left": seconds, "seconds_left_min": least, "seconds_left_max": most}) == text

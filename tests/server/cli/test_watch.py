@@ -99,15 +99,17 @@ def test_a_refusal_of_something_else_is_3(body: bytes) -> None:
 
 def test_the_board_begins_with_the_snapshot() -> None:
     board = Board()
-    assert board.take(HELLO) == "router  idle  X1.500 Z5.000  job 17 running 4/10"
+    assert board.take(HELLO) == "router  idle  X1.500 Z5.000  job 17 running 4/10  55 to 70 s left"
 
 
 def test_the_board_follows_states_and_jobs() -> None:
     board = Board()
     board.take(HELLO)
     moved = {**STATE, "status": "run", "feed": 600.0, "spindle": 12000.0}
-    assert board.take(event(8, data=moved)) == "router  run  X1.500 Z5.000  F600  S12000  job 17 running 4/10"
-    assert board.take(event(9, "job", job(5))) == "router  run  X1.500 Z5.000  F600  S12000  job 17 running 5/10"
+    still = "running 4/10  55 to 70 s left"
+    assert board.take(event(8, data=moved)) == f"router  run  X1.500 Z5.000  F600  S12000  job 17 {still}"
+    still = "running 5/10  55 to 70 s left"
+    assert board.take(event(9, "job", job(5))) == f"router  run  X1.500 Z5.000  F600  S12000  job 17 {still}"
 
 
 def test_the_board_shows_an_alarm_safely() -> None:
@@ -149,7 +151,7 @@ def test_lines_for_a_pipe(millstream: Run, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(watch, "listen", events)
     outcome = millstream("watch")
     assert outcome.code == 0
-    assert outcome.out.splitlines() == ["router  idle  X1.500 Z5.000  job 17 running 4/10"] * 2
+    assert outcome.out.splitlines() == ["router  idle  X1.500 Z5.000  job 17 running 4/10  55 to 70 s left"] * 2
 
 
 def test_a_wrong_address_is_told_before_anything_is_shown(millstream: Run) -> None:
