@@ -10,7 +10,7 @@ from typing import Annotated
 from fastapi import FastAPI, Path, Query
 from starlette.responses import Response
 
-from server.api.models import (
+from server.api.machinemodels import (
     Accepted,
     CommandsRequest,
     CommandsResult,

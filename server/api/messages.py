@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
-from server.api.models import MAX_FEED_MM_MIN, AxisMove
+from server.api.machinemodels import MAX_FEED_MM_MIN, AxisMove
 from server.auth import Role
 from server.hub import DEFAULT_RATE_HZ, TOPICS, Filter
 

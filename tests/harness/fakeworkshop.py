@@ -17,7 +17,8 @@ from sqlite_utils import Database
 
 from jobs.schema import prepare
 from server.api import create_app
-from server.api.models import JOB_EXAMPLE, MACHINE_EXAMPLE, PROGRAM_ID, CheckView, ConsoleLine, FilesView, ProgramView
+from server.api.machinemodels import MACHINE_EXAMPLE, ConsoleLine, FilesView
+from server.api.models import JOB_EXAMPLE, PROGRAM_ID, CheckView, ProgramView
 from server.api.routing import example_of
 from server.hub import Hub
 from server.metrics import MachineMetrics

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from server.api.models import JobView, MachineView
+from server.api.machinemodels import MachineView
+from server.api.models import JobView
 from server.heldjog import HEARTBEAT_S
 from server.hub import QUEUE_LIMIT, REPLAY_LIMIT
 from server.problems import ProblemError

@@ -2,7 +2,7 @@ from typing import Any
 
 import pytest
 
-from server.api.models import MAX_BLOCK_CHARS, MAX_BLOCKS, ConsoleLine, FilesView, MachineView, StateView
+from server.api.machinemodels import MAX_BLOCK_CHARS, MAX_BLOCKS, ConsoleLine, FilesView, MachineView, StateView
 from server.problems import ProblemError
 from tests.harness.fakeworkshop import FakeWorkshop
 from tests.harness.simloop import run_simulated as run
