@@ -48,7 +48,8 @@ class Report:
     each; `link_seconds` is how long a link of the given baud rate needs for them at least. `shortest_mm` and
     `median_mm` are of the segments that cut, the median to 1 %. `encoding` (`ascii`, `utf-8`, `utf-8 with BOM`, or
     what was read in place of it), `line_ends` (`lf`, `crlf`, `cr`, `mixed`, `none`), `bytes` and `sha256` are None
-    where lines were given and not the bytes of a file.
+    where lines were given and not the bytes of a file. `expanded_lines` is how many plain lines a program with
+    parameters, O-words or macros stands for, None for a plain one; `lines` are those of the file.
     """
 
     errors: tuple[Finding, ...]
@@ -77,6 +78,7 @@ class Report:
     line_ends: str | None = None
     bytes: int | None = None
     sha256: str | None = None
+    expanded_lines: int | None = None
 
     @property
     def ok(self) -> bool:

@@ -12,12 +12,14 @@ import secrets
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
 
 from gcode.lines import MAX_LINE_BYTES, split_lines
+from jobs.lineaccess import LineAccess
 
 LINES_PER_ENTRY = 1024
 """One u64 per so many lines: 8 kB of index for a million lines, at most 1,023 lines read in vain."""
@@ -94,6 +96,10 @@ class ProgramStore:
         file = self._program(program_id).open("rb")
         file.seek(offset)
         return _numbered(file, entry * LINES_PER_ENTRY + 1, first, last)
+
+    def access(self, program_id: str) -> LineAccess:
+        """The lines of a program in any order. Raises UnknownProgramError, and its `line` does, too."""
+        return LineAccess(self.info(program_id).lines, partial(self.lines, program_id))
 
     def chunks(self, program_id: str) -> Iterator[bytes]:
         """The bytes of a program. Opens the file at once, as `lines` does. Raises UnknownProgramError."""

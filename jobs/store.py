@@ -29,7 +29,9 @@ FIELDS_OF_A_NEW_JOB = (
     "idempotency_key",
     "request_hash",
     "rerun_of",
+    "source_program",
 )
+FIELDS_OF_A_PROGRAM = ("id", "name", "lines", "bytes", "sha256", "created_at", "source_program")
 
 
 def _marks(values: Iterable[object]) -> str:
@@ -45,8 +47,8 @@ def add_program(db: Database, row: Mapping[str, Any]) -> tuple[Row, bool]:
     if known is not None:
         return known, False
     db.execute(
-        "insert into programs (id, name, lines, bytes, sha256, created_at) values (?, ?, ?, ?, ?, ?)",
-        [row[key] for key in ("id", "name", "lines", "bytes", "sha256", "created_at")],
+        f"insert into programs ({', '.join(FIELDS_OF_A_PROGRAM)}) values ({_marks(FIELDS_OF_A_PROGRAM)})",  # noqa: S608
+        [row[key] for key in FIELDS_OF_A_PROGRAM],
     )
     return dict(row), True
 
@@ -62,14 +64,35 @@ def programs(db: Database, *, limit: int) -> list[Row]:
 
 
 def delete_program(db: Database, id: str) -> int | None:
-    """Forget it; or the number of a job that has not ended and needs it, and nothing is changed."""
+    """Forget it; or the number of a job that has not ended and needs it, and nothing is changed.
+
+    A job of an expanded program needs the uploaded one too: its lines name those of it.
+    """
     ended = list(ENDED)
-    query = f"select id from jobs where program = ? and status not in ({_marks(ended)}) limit 1"  # noqa: S608
-    needed = next(db.query(query, [id, *ended]), None)
+    query = f"""select id from jobs where (program = ? or source_program = ?) and status not in ({_marks(ended)})
+                limit 1"""  # noqa: S608
+    needed = next(db.query(query, [id, id, *ended]), None)
     if needed is not None:
         return int(needed["id"])
     db.execute("delete from programs where id = ?", [id])
+    db.execute("delete from expansions where source = ? or expanded = ?", [id, id])
     return None
+
+
+def add_expansion(db: Database, source: str, row: Mapping[str, Any], version: str) -> tuple[Row, bool] | None:
+    """Remember what was made of `source`; the program's row and whether it is new, None when `source` is gone."""
+    if program(db, source) is None:
+        return None
+    added = add_program(db, row)
+    db.execute("insert or replace into expansions values (?, ?, ?)", [source, row["id"], version])
+    return added
+
+
+def expansion(db: Database, source: str, version: str) -> Row | None:
+    """The program that this version made of `source`, or None."""
+    query = """select programs.* from programs join expansions on programs.id = expansions.expanded
+               where expansions.source = ? and expansions.version = ?"""
+    return next(db.query(query, [source, version]), None)
 
 
 # --- jobs -----------------------------------------------------------------------------------------------------

@@ -149,6 +149,7 @@ class JobService:
         force: bool = False,
         idempotency_key: str | None = None,
         rerun_of: int | None = None,
+        source_program: str | None = None,
     ) -> dict[str, Any]:
         """Queue a run of a program; it starts now if it can and nothing stands before it. Raises ProblemError."""
         controller = self.machine(machine)
@@ -159,11 +160,19 @@ class JobService:
             if known is not None:
                 return self._view(_same_request(known, request_hash))
         program = await self._programs.get(program_id)
+        report = await self._programs.check(program_id, machine=machine)
+        _refuse_errors(report)
+        source = source_program or program["source_program"]
+        if report["expanded_lines"] is not None:
+            source, program = program_id, await self._programs.expanded(program)
+            _refuse_lines_of_source(program, start_line, end_line)
         first, last = _lines(program, start_line, end_line)
-        report = await self._passed(program_id, machine, force=force)
+        if not force:
+            _refuse_warnings(report)
         fields = {
             "machine": machine,
-            "program": program_id,
+            "program": program["id"],
+            "source_program": source,
             "program_name": program["name"],
             "hold": hold or self._must_wait(controller),
             "note": note,
@@ -194,22 +203,6 @@ class JobService:
             return True
         return False
 
-    async def _passed(self, program_id: str, machine: str, *, force: bool) -> dict[str, Any]:
-        report = await self._programs.check(program_id, machine=machine)
-        if report["blocks"] == 0:
-            raise ProblemError("empty_program", "The program has no blocks to execute.")
-        if report["errors"]:
-            worst = report["errors"][0]
-            detail = f"Line {worst['line']}: {worst['message']}. Mend the program; errors cannot be forced."
-            raise ProblemError("preflight_failed", detail, report=report)
-        if report["warnings"] and not force:
-            worst = report["warnings"][0]
-            detail = (
-                f'Line {worst["line"]}: {worst["message"]}. Look at the report; "force": true runs it all the same.'
-            )
-            raise ProblemError("preflight_warnings", detail, report=report)
-        return report
-
     async def rerun(self, job_id: int) -> dict[str, Any]:
         """The same once more, as a new job. Raises ProblemError."""
         row = await self.row(job_id)
@@ -221,6 +214,7 @@ class JobService:
             note=row["note"],
             force=bool(row["forced"]),
             rerun_of=job_id,
+            source_program=row["source_program"],
         )
 
     # --- the queue --------------------------------------------------------------------------------------------
@@ -339,6 +333,34 @@ def _same_request(row: Row, request_hash: str) -> Row:
             "idempotency_conflict", f"This Idempotency-Key was used for job {row['id']}, which is another."
         )
     return row
+
+
+def _refuse_errors(report: Mapping[str, Any]) -> None:
+    errors = report["errors"]
+    if any(error["code"] == "no_blocks" for error in errors):
+        raise ProblemError("empty_program", "The program has no blocks to execute.")
+    if errors:
+        worst = errors[0]
+        detail = f"Line {worst['line']}: {worst['message']}. Mend the program; errors cannot be forced."
+        raise ProblemError("preflight_failed", detail, report=report)
+
+
+def _refuse_warnings(report: Mapping[str, Any]) -> None:
+    if report["warnings"]:
+        worst = report["warnings"][0]
+        detail = f'Line {worst["line"]}: {worst["message"]}. Look at the report; "force": true runs it all the same.'
+        raise ProblemError("preflight_warnings", detail, report=report)
+
+
+def _refuse_lines_of_source(expanded: Mapping[str, Any], start_line: int | None, end_line: int | None) -> None:
+    """A line within a loop or a subprogram is executed more than once, or never: it is no place to begin at."""
+    if start_line is not None or end_line is not None:
+        raise ProblemError(
+            "invalid_request",
+            f"This program is run as {expanded['name']}, program {expanded['id']}, which has {expanded['lines']} lines "
+            "with the number of the line they came from. Queue that one with start_line and end_line.",
+            expanded_program=expanded["id"],
+        )
 
 
 def _lines(program: Mapping[str, Any], start_line: int | None, end_line: int | None) -> tuple[int, int]:

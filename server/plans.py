@@ -9,13 +9,14 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from gcode.check import check_source
-from gcode.interpret import segments_of
-from gcode.lines import pieces
+from gcode.check import CheckOptions
+from gcode.interpreter import power_on
 from gcode.motion import Motion
 from gcode.profile import Profile, load_profile
 from gcode.segments import Segments
+from gcode.state import State
 from jobs.batch import BatchLimits, BatchPlanner
+from jobs.expansion import check_stored, motion_of
 from jobs.program import ProgramStore
 from jobs.restart import CannotStartError, Switches, first_block, prologue, with_prologue
 from jobs.store import Row
@@ -114,20 +115,17 @@ class Planning:
 
     def check(self, piece: Workpiece, program: str) -> dict[str, Any]:
         """The report of the check before a run, as JSON."""
-        report = check_source(
-            self._programs.chunks(program),
-            piece.profile,
-            piece.motion,
+        options = CheckOptions(
             convert_inches=piece.convert_inches,
             max_block_bytes=piece.limits.max_batch_bytes,
             encoding=piece.encoding,
             baud=piece.baud,
         )
-        return report.to_json()
+        return check_stored(self._programs, program, piece.profile, piece.motion, options).to_json()
 
     def motion_of(self, program: str, profile: Profile) -> Iterator[Segments]:
-        """What the program makes the axes do, from a machine that may stand anywhere."""
-        return segments_of(pieces(self._programs.chunks(program)), profile)
+        """What the program makes the axes do, to be drawn: as if it began at its zero, docs/toolpath.md."""
+        return motion_of(self._programs, program, profile, state=_at_zero(profile))
 
     def _planner(
         self,
@@ -150,6 +148,13 @@ class Planning:
             absolute=absolute,
             skip_to=skip_to,
         )
+
+
+def _at_zero(profile: Profile) -> State:
+    """Just switched on, all axes at 0: from an unknown start nothing of a program in G91 could be drawn."""
+    state = power_on(profile)
+    state.position = [0.0] * len(state.axes)
+    return state
 
 
 def _opened(planner: BatchPlanner) -> BatchPlanner:

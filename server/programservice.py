@@ -3,9 +3,13 @@
 The one rule: an upload is complete and durable, or there is nothing of it; it is never in memory as a whole.
 """
 
+import asyncio
 import errno
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Mapping
+from dataclasses import asdict
+from functools import partial
+from importlib.metadata import version
 from typing import Any
 
 from gcode.lines import MAX_LINE_BYTES
@@ -14,7 +18,8 @@ from gcode.profile import ProfileError, load_profile
 from gcode.words import decode_line
 from jobs import store
 from jobs.batch import BatchLimits
-from jobs.program import NotAProgramError, ProgramStore, UnknownProgramError
+from jobs.expansion import ExpandError, TooLargeError, store_expanded
+from jobs.program import NotAProgramError, ProgramInfo, ProgramStore, UnknownProgramError
 from server.clock import Clock, stamp
 from server.dbthread import Db
 from server.hub import Hub
@@ -63,6 +68,8 @@ class ProgramService:
         self._toolpaths = toolpaths
         self._pieces = pieces
         self._max_upload_bytes = max_upload_bytes
+        self._version = version("millstream")
+        self._expanding = asyncio.Lock()
         self._checked: OrderedDict[tuple[str, str], dict[str, Any]] = OrderedDict()
 
     async def store(self, chunks: AsyncIterator[bytes], name: str) -> tuple[dict[str, Any], bool]:
@@ -73,18 +80,16 @@ class ProgramService:
             raise disk_problem(error) from error
         except NotAProgramError as error:
             raise ProblemError("not_a_program", f"{name}: {error}.") from error
-        row = {
-            "id": info.id,
-            "name": name,
-            "lines": info.lines,
-            "bytes": info.bytes,
-            "sha256": info.sha256,
-            "created_at": stamp(self._clock),
-        }
-        kept, created = await self._db.run(store.add_program, row)
+        kept, created = await self._db.run(store.add_program, self._row(info))
         if created:
-            self._hub.publish("program", None, {"id": info.id, "name": name, "action": "created"})
+            self._announce(kept, "created")
         return dict(kept), created
+
+    def _row(self, info: ProgramInfo, source: str | None = None) -> dict[str, Any]:
+        return {**asdict(info), "created_at": stamp(self._clock), "source_program": source}
+
+    def _announce(self, row: Mapping[str, Any], action: str) -> None:
+        self._hub.publish("program", None, {"id": row["id"], "name": row["name"], "action": action})
 
     async def _upload(self, chunks: AsyncIterator[bytes], name: str) -> Any:
         writer = await self._files.run(self._programs.writer, name)
@@ -136,6 +141,43 @@ class ProgramService:
             self._checked.popitem(last=False)
         return report
 
+    async def expanded(self, program: Mapping[str, Any]) -> dict[str, Any]:
+        """The plain program that is made of one with O-words, parameters or macros, once. Raises ProblemError."""
+        source = program["id"]
+        async with self._expanding:
+            known = await self._db.run(store.expansion, source, self._version)
+            if known is not None:
+                return dict(known)
+            info = await self._expand(source, program["name"])
+            made = await self._db.run(store.add_expansion, source, self._row(info, source), self._version)
+        if made is None:
+            if await self._db.run(store.program, info.id) is None:
+                await self._read(info.id, self._programs.delete, info.id)
+            raise ProblemError("unknown_program", f"Program {source!r} was deleted meanwhile.")
+        kept, created = made
+        if created:
+            self._announce(kept, "created")
+        return dict(kept)
+
+    async def _expand(self, source: str, name: str) -> ProgramInfo:
+        try:
+            made: ProgramInfo = await self._read(
+                source,
+                partial(store_expanded, max_bytes=self._max_upload_bytes),
+                self._programs,
+                source,
+                name,
+                slow=True,
+            )
+        except OSError as error:
+            raise disk_problem(error, "expanded program") from error
+        except TooLargeError as error:
+            raise ProblemError("too_large", f"{name}: {error} (server.max_upload_bytes).") from error
+        except (ExpandError, NotAProgramError) as error:
+            # The check has said so before, unless a newer daemon reads the program otherwise than the one that checked.
+            raise ProblemError("preflight_failed", f"{name} cannot be expanded: {error}.") from error
+        return made
+
     async def toolpath(
         self, program_id: str, *, machine: str | None = None, profile: str | None = None, level: int = 0
     ) -> "Drawing":
@@ -156,7 +198,7 @@ class ProgramService:
         if job is not None:
             raise ProblemError("program_in_use", f"Job {job} has not ended and needs {program['name']}.")
         await self._read(program_id, self._programs.delete, program_id)
-        self._hub.publish("program", None, {"id": program_id, "name": program["name"], "action": "deleted"})
+        self._announce(program, "deleted")
 
     def _piece(self, machine: str | None, profile: str | None) -> tuple[Workpiece, str]:
         if machine is not None:
@@ -193,3 +235,5 @@ class Drawing:
             raise ProblemError("unknown_program", f"The file of program {error.args[0]!r} is not there.") from error
         except OSError as error:
             raise disk_problem(error, "drawing") from error
+        except ExpandError as error:
+            raise ProblemError("no_preview", f"The program cannot be expanded: {error}.") from error

@@ -56,6 +56,7 @@ def job_view(row: Row, clock: Clock, runner: Runner | None = None, left: Left | 
         "status": status.value,
         "program": row["program"],
         "program_name": row["program_name"],
+        "source_program": row["source_program"],
         "machine": row["machine"],
         "progress": _progress(row, clock, runner, left),
         "error": None if error is None else error.view(),

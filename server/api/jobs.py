@@ -62,6 +62,8 @@ def _create(app: FastAPI, services: Services) -> None:
             "empty_program",
             "idempotency_conflict",
             "queue_full",
+            "too_large",
+            "disk_full",
         ),
     )
     async def create_job(
@@ -71,7 +73,9 @@ def _create(app: FastAPI, services: Services) -> None:
         ] = None,
     ) -> Response:
         """The program is checked first; what stands against it is in `report` of the 422. The machine starts to move
-        as soon as it is free, unless `hold` is set."""
+        as soon as it is free, unless `hold` is set. O-words, parameters and macros are expanded: `program` of the job
+        is the plain program that is run, `source_program` the uploaded one, and `start_line` and `end_line` are lines
+        of the plain one, asked for under its id."""
         find(services, body.machine)
         job = await services.jobs.create(
             body.program,

@@ -55,14 +55,18 @@ class Health(BaseModel):
 
 
 class ProgramView(BaseModel):
-    """A program. `id` is the hash of its content, so the same content has the same id."""
+    """A program. `id` is the hash of its content, so the same content has the same id. `source_program` is the one that
+    it was made of when that was first run, null for an upload; that may have been deleted since."""
 
-    model_config = example(id=PROGRAM_ID, name="part.nc", lines=1204, bytes=31877, sha256=PROGRAM_ID)
+    model_config = example(
+        id=PROGRAM_ID, name="part.nc", lines=1204, bytes=31877, sha256=PROGRAM_ID, source_program=None
+    )
     id: str
     name: str
     lines: int
     bytes: int
     sha256: str
+    source_program: str | None
 
 
 class SourceLine(BaseModel):
@@ -106,8 +110,9 @@ class CheckView(BaseModel):
 
     `cut_mm` are all feed moves, `plunge_mm` those of them that go straight down. `shortest_mm` and `median_mm` are of
     the moves that cut. `wire_bytes` go out to the machine; `link_seconds` is what its serial link needs for them at
-    least, null without one. `encoding`, `line_ends`, `bytes` and `sha256` are of the file. A value that the program
-    does not have is null.
+    least, null without one. `encoding`, `line_ends`, `bytes` and `sha256` are of the file. `expanded_lines` are the
+    plain lines that a program with O-words, parameters or macros stands for. A value that the program does not have
+    is null.
     """
 
     model_config = example(
@@ -137,6 +142,7 @@ class CheckView(BaseModel):
         line_ends="lf",
         bytes=31870,
         sha256=PROGRAM_ID,
+        expanded_lines=None,
     )
     errors: list[Finding]
     warnings: list[Finding]
@@ -164,6 +170,7 @@ class CheckView(BaseModel):
     line_ends: str | None
     bytes: int | None
     sha256: str | None
+    expanded_lines: int | None
 
 
 # --- jobs -----------------------------------------------------------------------------------------------------
@@ -231,6 +238,7 @@ JOB_EXAMPLE: dict[str, Any] = {
     "id": 17,
     "status": "running",
     "program": PROGRAM_ID,
+    "source_program": None,
     "machine": "router",
     "progress": {
         "line": 600,
@@ -249,12 +257,14 @@ JOB_EXAMPLE: dict[str, Any] = {
 
 
 class JobView(BaseModel):
-    """A job."""
+    """A job. `source_program` is the one that was uploaded where `program` is what became of its O-words, parameters
+    and macros; else null. Lines are those of `program`."""
 
     model_config = example(**JOB_EXAMPLE)
     id: int
     status: JobStatus
     program: Any
+    source_program: str | None
     machine: str
     progress: ProgressView
     error: JobErrorView | None

@@ -4,17 +4,24 @@ The one rule: they read the same profile and plan the same batches as the daemon
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
 
 from gcode.check import CheckOptions, check_source
+from gcode.expand.detection import needs_expansion
 from gcode.findings import Finding, Report
-from gcode.lines import split_lines
+from gcode.lines import pieces, split_lines
 from gcode.motion import Motion
 from gcode.profile import Profile, ProfileError, load_profile
-from jobs.batch import BatchPlanner, PlanError
+from jobs.batch import BatchPlanner
+from jobs.expansion import check_stored, store_expanded
+from jobs.program import NotAProgramError, ProgramInfo, ProgramStore
+from jobs.upcoming import PlanError
 from server.cli.common import CliError, ExitCode, Json, ProgramFile, safe, say, say_json, warn
 from server.config import ElvintoConfig, MotionFile
 from server.configfile import ConfigError, load_section
@@ -56,7 +63,8 @@ def check(
         feed_override=feed_override / PERCENT,
         rapid_override=rapid_override / PERCENT,
     )
-    report = check_source(_chunks(file), _profile(profile), _motion(motion), **options)
+    with _opened(file) as program:
+        report = program.check(_profile(profile), _motion(motion), options)
     if as_json:
         say_json(report.to_json())
     else:
@@ -79,27 +87,76 @@ def translate(
 ) -> None:
     """Print what would go out on the wire, a block a line (with --json a batch a line)."""
     controller, axes = _profile(profile), _motion(motion)
-    report = check_source(_chunks(file), controller, axes, block_delete=block_delete, convert_inches=convert_inches)
-    if not report.ok:
-        for finding in report.errors:
-            warn(_sentence(file, "error", finding))
-        detail = f"{safe(file)}: nothing would go out, the program does not pass the check."
-        raise CliError(
-            ExitCode.FAILED, detail, {"code": "preflight_failed", "detail": detail, "report": report.to_json()}
+    options = CheckOptions(block_delete=block_delete, convert_inches=convert_inches)
+    with _opened(file) as program:
+        report = program.check(controller, axes, options)
+        if not report.ok:
+            for finding in report.errors:
+                warn(_sentence(file, "error", finding))
+            detail = f"{safe(file)}: nothing would go out, the program does not pass the check."
+            raise CliError(
+                ExitCode.FAILED, detail, {"code": "preflight_failed", "detail": detail, "report": report.to_json()}
+            )
+        planner = BatchPlanner(
+            program.plain_lines(block_delete=block_delete),
+            controller,
+            axes,
+            ElvintoConfig().limits(),
+            compact=compact,
+            block_delete=block_delete,
+            convert_inches=convert_inches,
         )
-    planner = BatchPlanner(
-        enumerate(split_lines(_chunks(file)), 1),
-        controller,
-        axes,
-        ElvintoConfig().limits(),
-        compact=compact,
-        block_delete=block_delete,
-        convert_inches=convert_inches,
-    )
-    try:
-        _print_batches(planner, as_json)
-    except PlanError as error:
-        raise CliError(ExitCode.FAILED, f"{safe(file)}: {safe(error)}") from error
+        try:
+            _print_batches(planner, as_json)
+        except PlanError as error:
+            raise CliError(ExitCode.FAILED, f"{safe(file)}: {safe(error)}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class _Plain:
+    """A file that is executed as it stands."""
+
+    file: Path
+
+    def check(self, profile: Profile, motion: Motion, options: CheckOptions) -> Report:
+        return check_source(_chunks(self.file), profile, motion, **options)
+
+    def plain_lines(self, *, block_delete: bool) -> Iterator[tuple[int, bytes]]:  # noqa: ARG002 - the planner does it
+        return enumerate(split_lines(_chunks(self.file)), 1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Expanded:
+    """A file with O-words, parameters or macros, in a store of its own, as the daemon has it."""
+
+    programs: ProgramStore
+    info: ProgramInfo
+
+    def check(self, profile: Profile, motion: Motion, options: CheckOptions) -> Report:
+        return check_stored(self.programs, self.info.id, profile, motion, options)
+
+    def plain_lines(self, *, block_delete: bool) -> Iterator[tuple[int, bytes]]:
+        made = store_expanded(self.programs, self.info.id, self.info.name, block_delete=block_delete)
+        return self.programs.lines(made.id)
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[_Plain | _Expanded]:
+    if not needs_expansion(pieces(_chunks(file))):
+        yield _Plain(file)
+        return
+    with TemporaryDirectory(prefix="millstream-") as folder:
+        try:
+            programs = ProgramStore(Path(folder))
+            with programs.writer(file.name) as writer:
+                for chunk in _chunks(file):
+                    writer.write(chunk)
+                program: _Plain | _Expanded = _Expanded(programs, writer.finish())
+        except NotAProgramError:
+            program = _Plain(file)  # whatever looked like a parameter in it: the check says what it is
+        except OSError as error:
+            raise CliError(ExitCode.FAILED, f"{safe(file)}: cannot be expanded: {error.strerror}") from error
+        yield program
 
 
 def _print_batches(planner: BatchPlanner, as_json: bool) -> None:
@@ -159,7 +216,7 @@ def _summary(report: Report) -> str:
         for word, found in (("errors", report.errors), ("warnings", report.warnings))
     )
     parts = [
-        f"{report.lines} lines, {report.blocks} blocks, about {_minutes(report.seconds)} min{_overridden(report)}",
+        f"{_lines(report)}, {report.blocks} blocks, about {_minutes(report.seconds)} min{_overridden(report)}",
         f"cut {report.cut_mm:.1f} mm, rapid {report.rapid_mm:.1f} mm, plunge {report.plunge_mm:.1f} mm",
         f"bounds mm: {bounds or 'nothing moves'}",
         f"tools: {', '.join(map(str, report.tools)) or 'none named'}",
@@ -170,6 +227,11 @@ def _summary(report: Report) -> str:
         lengths = f"shortest {report.shortest_mm:.4f} mm, median {report.median_mm:.3f} mm"
         parts.insert(2, f"{report.segments} segments, {report.arcs} arcs, {lengths}")
     return "\n".join(parts)
+
+
+def _lines(report: Report) -> str:
+    expanded = "" if report.expanded_lines is None else f" (expanded: {report.expanded_lines})"
+    return f"{report.lines} lines{expanded}"
 
 
 def _minutes(seconds: float) -> str:

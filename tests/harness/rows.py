@@ -40,6 +40,7 @@ def job_fields(**changes: Any) -> dict[str, Any]:
         "idempotency_key": None,
         "request_hash": "h",
         "rerun_of": None,
+        "source_program": None,
     }
     return fields | changes
 

@@ -20,7 +20,8 @@ def set_status(db: Database, id: int, after: Status, **changes: Any) -> None:
 
 
 def program(**changes: Any) -> dict[str, Any]:
-    return {"id": "p", "name": "part.nc", "lines": 10, "bytes": 99, "sha256": "p", "created_at": AT} | changes
+    row = {"id": "p", "name": "part.nc", "lines": 10, "bytes": 99, "sha256": "p", "created_at": AT}
+    return row | {"source_program": None} | changes
 
 
 def test_the_same_program_again_changes_nothing() -> None:

@@ -1,0 +1,110 @@
+"""Stored programs with O-words, parameters, expressions or macros: whether they are such, and the plain program made
+of one. Not the expansion itself (gcode/expand) and not who remembers what was made of what (store.py).
+
+The one rule: a program that was made here is complete and durable like an upload, or there is nothing of it.
+"""
+
+from collections.abc import Iterator
+
+from gcode.check import CheckOptions, check_source
+from gcode.check.source import gather_numbered
+from gcode.columns import read_columns
+from gcode.expand.checked import check_expanded
+from gcode.expand.derived import write_expanded
+from gcode.expand.detection import needs_expansion
+from gcode.expand.errors import ExpandError, Limits
+from gcode.expand.expander import Expander
+from gcode.findings import Report
+from gcode.interpret import Reading, segments_of
+from gcode.lines import pieces
+from gcode.motion import Motion
+from gcode.profile import Profile
+from gcode.segments import Segments
+from gcode.state import State
+from jobs.program import ProgramInfo, ProgramStore
+
+EXPANDED_NAME = "{} (expanded)"
+WRITE_BYTES = 65_536
+"""Lines are gathered up to so many bytes."""
+
+
+class TooLargeError(ValueError):
+    """The plain program has more bytes than a program may have."""
+
+
+def has_to_be_expanded(programs: ProgramStore, program_id: str) -> bool:
+    """Whether a stored program is not plain. Raises UnknownProgramError, OSError."""
+    return needs_expansion(pieces(programs.chunks(program_id)))
+
+
+def check_stored(
+    programs: ProgramStore,
+    program_id: str,
+    profile: Profile,
+    motion: Motion,
+    options: CheckOptions,
+    limits: Limits | None = None,
+) -> Report:
+    """The check of a stored program, expanded where it has to be. Raises UnknownProgramError, OSError."""
+    if not has_to_be_expanded(programs, program_id):
+        return check_source(programs.chunks(program_id), profile, motion, **options)
+    chunks = programs.chunks(program_id)
+    return check_expanded(programs.access(program_id), chunks, profile, motion, limits=limits, **options)
+
+
+def motion_of(
+    programs: ProgramStore,
+    program_id: str,
+    profile: Profile,
+    limits: Limits | None = None,
+    *,
+    state: State | None = None,
+) -> Iterator[Segments]:
+    """What the program makes the axes do, expanded where it has to be; `line` of the segments are lines of the program.
+    `state` is that of the machine before.
+
+    Raises ExpandError, UnknownProgramError, OSError, each at any time.
+    """
+    if not has_to_be_expanded(programs, program_id):
+        yield from segments_of(pieces(programs.chunks(program_id)), profile, state)
+        return
+    expanded = Expander(limits=limits).expand(programs.access(program_id))
+    reading = Reading(profile, state)
+    first_line = 1
+    for piece in gather_numbered((each.line, each.text.encode("utf-8", "replace")) for each in expanded):
+        columns = read_columns(piece.text, first_line)
+        first_line += columns.lines
+        yield reading.read(columns, line=piece.numbers)
+    yield reading.finish()
+
+
+def store_expanded(
+    programs: ProgramStore,
+    program_id: str,
+    name: str,
+    *,
+    max_bytes: int | None = None,
+    limits: Limits | None = None,
+    block_delete: bool = False,
+) -> ProgramInfo:
+    """Make the plain program of one called `name` and store it, each line with the number of the one it came from.
+
+    Raises ExpandError, TooLargeError, UnknownProgramError and OSError; nothing is left behind then.
+    """
+    expander = Expander(limits=limits, block_delete=block_delete)
+    with programs.writer(EXPANDED_NAME.format(name)) as writer:
+        gathered: list[bytes] = []
+        size = 0
+        for line in write_expanded(expander.expand(programs.access(program_id))):
+            gathered.append(line)
+            size += len(line)
+            if size >= WRITE_BYTES:
+                writer.write(b"".join(gathered))
+                gathered, size = [], 0
+                if max_bytes is not None and writer.bytes_written > max_bytes:
+                    raise TooLargeError(f"the plain program has more than {max_bytes} bytes")
+        writer.write(b"".join(gathered))
+        return writer.finish()
+
+
+__all__ = ["ExpandError", "TooLargeError", "check_stored", "has_to_be_expanded", "motion_of", "store_expanded"]
