@@ -181,15 +181,17 @@ class Stepper:
             block.move.start = block.start
         self._contacts = [found for found in self.watch(block) if found.done_mm >= block.done_mm]
         self._contacts.sort(key=lambda found: found.done_mm)
-        self._plan()
+        # A block that is entered as it was planned leaves the rest of the plan as it is.
+        self._plan(anew=abs(self._speed**2 - block.entry_sqr) > _NOTHING_MM)
 
-    def _plan(self) -> None:
+    def _plan(self, *, anew: bool = True) -> None:
         block = self.planner.blocks[0]
         if self.holding:
             stop_mm = self._speed**2 / (2 * block.acceleration)
             self._pieces = [_ramp(min(stop_mm, block.left_mm), self._speed, 0.0, block.acceleration)]
         else:
-            self.planner.plan(self._speed)
+            if anew:
+                self.planner.plan(self._speed)
             self._pieces = profile(
                 block.left_mm, self._speed, block.nominal_mm_s, self.planner.exit_mm_s(), block.acceleration
             )

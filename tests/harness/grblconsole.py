@@ -79,3 +79,30 @@ class Console:
     def settings(self) -> dict[int, str]:
         lines = [line for line in self.tell("$$\n") if line.startswith("$")]
         return {int(key[1:]): value for key, _, value in (line.partition("=") for line in lines)}
+
+
+def stream(console: Console, lines: list[bytes], *, window: int = 128) -> list[str]:
+    """Send by counting characters, as the documents of Grbl tell: never more than `window` bytes unanswered."""
+    waiting: list[int] = []
+    said: list[str] = []
+
+    def hear() -> None:
+        for text in console.heard():
+            said.append(text)
+            if text == "ok" or text.startswith("error:"):
+                del waiting[0]
+
+    for line in lines:
+        while sum(waiting) + len(line) > window:
+            at = console.machine.next_timer()
+            assert at is not None, "the machine owes answers and will never give them"
+            console.now = max(console.now, at)
+            hear()
+        waiting.append(len(line))
+        console.machine.receive_data(line, console.now)
+        hear()
+    while (at := console.machine.next_timer()) is not None:
+        console.now = max(console.now, at)
+        hear()
+    assert not waiting, "lines without an answer"
+    return said
