@@ -1,8 +1,8 @@
 """The drawings of programs on disk: made once for each content and profile, given out level by level.
 
 Not the format (gcode/toolpath.py). `<sha256>.<profile>.<version>.toolpath` lies beside the program and holds the head
-and all levels. The one rule: a file under its final name is complete; who asks while it is made waits for the one
-making.
+and all levels; together they have a limit, and what nobody has asked for the longest goes first. The one rule: a file
+under its final name is complete; who asks while it is made waits for the one making.
 """
 
 import asyncio
@@ -33,6 +33,9 @@ from server.problems import ProblemError
 from server.worker import Worker
 
 SUFFIX = ".toolpath"
+MAX_TOTAL_BYTES = 2_000_000_000
+"""Of all drawings. One of a million segments has 5 to 10 MB and is made anew in seconds. The newest always stays."""
+
 READ_BYTES = 262_144
 """At a time, on the way to a client."""
 
@@ -126,6 +129,7 @@ class Toolpaths:
         try:
             self._draw(parts, program_id, profile)
             parts[-1].replace(path)
+            self._make_room(path)
         except ToolpathTooLongError as error:
             raise ProblemError("no_preview", f"The program is too long to be drawn: {error}.") from error
         finally:
@@ -134,6 +138,19 @@ class Toolpaths:
         if program_id not in self._programs:
             # It was deleted meanwhile, perhaps before there was anything of ours to delete with it.
             path.unlink(missing_ok=True)
+
+    def _make_room(self, newest: Path) -> None:
+        """Away with those that were opened longest ago. Who is reading one of them reads to the end."""
+        drawings = []
+        for _, path in self._programs.all_beside(SUFFIX):
+            with suppress(FileNotFoundError):
+                found = path.stat()
+                drawings.append((path != newest, -found.st_mtime_ns, found.st_size, path))
+        total = 0
+        for older, _, size, path in sorted(drawings):
+            total += size
+            if older and total > MAX_TOTAL_BYTES:
+                path.unlink(missing_ok=True)
 
     def _draw(self, parts: list[Path], program_id: str, profile: Profile) -> None:
         """The levels into a file each, as they come, then all into the last."""
@@ -158,6 +175,8 @@ def _open_level(path: Path, level: int) -> tuple[bytes, BinaryIO, int]:
     """The head for this level, the file where its blocks begin, and their length."""
     file = path.open("rb")
     try:
+        with suppress(OSError):
+            os.utime(path)  # asked for just now; see _make_room
         start = file.read(HEAD.size)
         head = start + file.read(head_bytes(start) - HEAD.size)
         sizes = [found.bytes for found in levels_in(head)]

@@ -2,6 +2,7 @@
 
 import asyncio
 import errno
+import os
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from gcode import toolpath as encoding
 from gcode.profile import Profile, load_profile
 from gcode.segments import Segments
 from jobs.program import ProgramStore, UnknownProgramError
+from server import toolpaths as serving
 from server.problems import ProblemError
 from server.toolpaths import SUFFIX, Toolpaths
 from server.worker import InlineWorker, ThreadWorker
@@ -155,6 +157,40 @@ def test_it_goes_with_its_program(tmp_path: Path) -> None:
         assert world.files() == []
         with pytest.raises(UnknownProgramError):
             await fetched(toolpaths, world.id)
+
+    told(story())
+
+
+def test_together_they_have_a_limit_and_the_least_asked_for_goes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def story() -> None:
+        world = World(tmp_path)
+        ids = [world.id]
+        for number in range(3):
+            with world.store.writer(f"{number}.nc") as writer:
+                writer.write(f"G1 Y{number}\n".encode())
+                ids.append(writer.finish().id)
+        toolpaths = world.toolpaths()
+        paths = [tmp_path / f"{program}.elvinto.{toolpaths.tag}{SUFFIX}" for program in ids]
+        for program, path, opened_s in zip(ids[:3], paths, (1000, 2000, 3000), strict=False):
+            await fetched(toolpaths, program)
+            os.utime(path, (opened_s, opened_s))
+        await fetched(toolpaths, ids[0])  # not the oldest any more
+        monkeypatch.setattr(serving, "MAX_TOTAL_BYTES", paths[0].stat().st_size * 3 + 10)
+        _, chunks = await toolpaths.get(ids[1], PROFILE, 0).open()
+        first = await anext(chunks)
+        os.utime(paths[1], (2000, 2000))
+        await fetched(toolpaths, ids[3])
+        assert [path.exists() for path in paths] == [True, False, True, True]
+        assert len(read_toolpath(first + b"".join([chunk async for chunk in chunks])).line) == 5001
+        assert world.made == 4
+        await fetched(toolpaths, ids[1])
+        assert world.made == 5
+        monkeypatch.setattr(serving, "MAX_TOTAL_BYTES", 1)
+        paths[3].unlink()
+        await fetched(toolpaths, ids[3])
+        assert [path.exists() for path in paths] == [False, False, False, True], "the newest stays"
 
     told(story())
 
