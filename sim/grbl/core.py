@@ -107,6 +107,8 @@ class Core:
         self.probe_connected = True
         self.mpg = False
         self.homed = False
+        self.last_alarm = 0
+        """The alarm that was said last; grblHAL shows it as long as the state is Alarm."""
         self._first_stream: tuple[RxRing, LineReader] | None = None
         self.clear()
 
@@ -239,6 +241,7 @@ class Core:
             self.on_line(record)
 
     def note_alarm(self, num: int) -> None:
+        self.last_alarm = num
         self.events.append(AlarmRaised(num))
 
     def begin_second_stream(self) -> None:

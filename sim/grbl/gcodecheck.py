@@ -66,6 +66,7 @@ def check(block: Block, modal: Modal, memory: Nonvolatile, kind: SimSettings, *,
     if jog:
         plan.unused = set(values) - {"N", "F"}
     _dwell(plan)
+    _tool(plan)
     scale = INCH_MM if plan.units == "G20" else 1.0
     _length(plan, kind)
     _system(plan, modal, memory)
@@ -118,6 +119,14 @@ def _dwell(plan: Plan) -> None:
         if "P" not in plan.block.values:
             raise Refused(28)
         plan.unused.discard("P")
+
+
+def _tool(plan: Plan) -> None:
+    """grblHAL: M61 takes its tool from Q."""
+    if plan.block.code("tool") == "M61":
+        if "Q" not in plan.block.values:
+            raise Refused(28)
+        plan.unused.discard("Q")
 
 
 def _length(plan: Plan, kind: SimSettings) -> None:

@@ -144,6 +144,7 @@ class VirtualGrbl:
         true = core.true_position()
         core.stepper.rest, core.true_shift = ORIGIN, true
         core.probe_position, core.probe_found, core.homed = ORIGIN, False, False
+        core.last_alarm = 0
         core.clear()
         core.state = State.IDLE
         core.out.clear()

@@ -10,6 +10,13 @@ from sim.grbl.simsettings import AXES, Point
 
 MPOS: Final = 1
 BUFFERS: Final = 2
+# grblHAL has more bits in $10; on 1.1 these fields cannot be turned off.
+SPEEDS: Final = 8
+PINS: Final = 16
+WCO: Final = 32
+OVERRIDES: Final = 64
+ALARM_NUMBER: Final = 1024
+RUN_DETAIL: Final = 2048
 WCO_BUSY, WCO_IDLE = 30, 10
 OVERRIDES_BUSY, OVERRIDES_IDLE = 20, 10
 VERSION: Final = "1.1h.20190830"
@@ -34,25 +41,32 @@ def status(core: Core, *, full: bool = False) -> str:
     """`<Idle|MPos:0.000,0.000,0.000|FS:0,0>` with what is due."""
     mask = int(core.memory[10])
     hal = core.kind.hal
+    shown = mask if hal else SPEEDS | PINS | WCO | OVERRIDES
+    state = _state(core, shown | ALARM_NUMBER * (full and hal))
     position = core.position()
     if mask & MPOS:
-        fields = [_state(core), f"MPos:{point(core, position)}"]
+        fields = [state, f"MPos:{point(core, position)}"]
     else:
         x, y, z = (p - o for p, o in zip(position, core.modal.offset, strict=True))
-        fields = [_state(core), f"WPos:{point(core, (x, y, z))}"]
+        fields = [state, f"WPos:{point(core, (x, y, z))}"]
     if mask & BUFFERS:
         fields.append(f"Bf:{core.planner.free},{core.ring.free}")
     if core.kind.line_numbers and core.planner.blocks and core.planner.blocks[0].line_number:
         fields.append(f"Ln:{core.planner.blocks[0].line_number}")
-    fields.append(_speeds(core))
-    if letters := pins(core):
+    if shown & SPEEDS:
+        fields.append(_speeds(core))
+    if shown & PINS and (letters := pins(core)):
         fields.append(f"Pn:{letters}")
-    fields += _full(core) if full and hal else _due(core)
+    fields += _full(core) if full and hal else _due(core, shown)
     return f"<{'|'.join(fields)}>"
 
 
-def _state(core: Core) -> str:
+def _state(core: Core, shown: int) -> str:
     name = core.state.value
+    if core.state is State.ALARM and shown & ALARM_NUMBER and core.last_alarm:
+        return f"{name}:{core.last_alarm}"
+    if core.state is State.RUN and shown & RUN_DETAIL and core.probing:
+        return f"{name}:2"
     if core.state is State.HOLD:
         return f"{name}:{0 if core.suspend & Suspend.HELD else 1}"
     if core.state is State.DOOR:
@@ -90,13 +104,13 @@ def probe_closed(core: Core) -> bool:
     return touching or "P" in core.pressed
 
 
-def _due(core: Core) -> list[str]:
+def _due(core: Core, shown: int) -> list[str]:
     """WCO and Ov by their counters, never both in one report."""
     busy = core.state in BUSY
     fields: list[str] = []
     if core.wco_in > 0:
         core.wco_in -= 1
-    else:
+    elif shown & WCO:
         core.wco_in = (WCO_BUSY if busy else WCO_IDLE) - 1
         core.overrides_in = max(core.overrides_in, 1)
         fields.append(f"WCO:{point(core, core.modal.offset)}")
@@ -104,7 +118,7 @@ def _due(core: Core) -> list[str]:
             fields.append(f"WCS:{core.modal.system}")
     if core.overrides_in > 0:
         core.overrides_in -= 1
-    else:
+    elif shown & OVERRIDES:
         core.overrides_in = (OVERRIDES_BUSY if busy else OVERRIDES_IDLE) - 1
         fields.append(_overrides(core))
         if letters := accessories(core):

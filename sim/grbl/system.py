@@ -93,6 +93,7 @@ def _unlock(core: Core) -> None:
         if core.door_open:
             raise Refused(13)
         core.message("Caution: Unlocked")
+        core.last_alarm = 0
         core.state = State.IDLE
 
 

@@ -52,6 +52,37 @@ def test_other_realtime_bytes() -> None:
     assert console.rest()[-1].startswith("GrblHAL")
 
 
+@pytest.mark.parametrize(
+    ("mask", "report"),
+    [
+        (0, "<Idle|WPos:0.000,0.000,0.000>"),
+        (1, "<Idle|MPos:0.000,0.000,0.000>"),
+        (3 + 8, "<Idle|MPos:0.000,0.000,0.000|Bf:100,1023|FS:0,0>"),
+        (1 + 16, "<Idle|MPos:0.000,0.000,0.000|Pn:X>"),
+        (1 + 32, "<Idle|MPos:0.000,0.000,0.000|WCO:0.000,0.000,0.000|WCS:G54>"),
+    ],
+)
+def test_the_mask_turns_fields_on_and_off(mask: int, report: str) -> None:
+    console = hal(dollar={10: mask})
+    console.machine.press("X", 0.0)
+    assert console.tell("?") == [report]
+
+
+def test_the_number_of_an_alarm_and_the_detail_of_a_run() -> None:
+    console = hal(dollar={10: 511 + 1024 + 2048})
+    console.tell("G38.2Z-5F600\n")
+    assert console.state() == "Run:2"
+    console.rest()
+    assert console.state() == "Alarm:5"
+    console.tell("$X\n")
+    assert console.state() == "Idle"
+    console = hal()
+    console.tell("G38.2Z-5F600\n")
+    console.rest()
+    assert console.state() == "Alarm"
+    assert console.tell(b"\x87")[0].startswith("<Alarm:5|")
+
+
 def test_mpg() -> None:
     console = hal()
     assert "|MPG:1|" in console.tell(b"\x8b")[0]
@@ -159,3 +190,10 @@ def test_1_1h_has_none_of_it() -> None:
     console = Console()
     assert console.tell(b"\x87\x80\x83\xa3") == []
     assert console.tell("$ES\n$HELP\n$I+\n") == ["error:2", "error:5", "error:3"]
+
+
+def test_m61_says_which_tool_is_in() -> None:
+    console = hal()
+    assert console.tell("M61\nM61Q7\nG43H1\n") == ["error:28", "ok", "ok"]
+    assert "|T:7|" in console.tell(b"\x87")[0]
+    assert " T7 " in console.tell("$G\n")[0]

@@ -110,3 +110,15 @@ def test_a_blocked_line_gets_its_ok_after_the_reset() -> None:
     assert console.heard() == ["ALARM:1"]
     console.rest()
     assert console.tell(b"\x18") == ["ok"]
+
+
+def test_ii_4_after_alarm_1_and_2_the_ring_is_not_read_and_the_reset_flushes_it() -> None:
+    console = Console(dollar=HARD)
+    console.tell("G1X10F600\n")
+    console.machine.press("X", console.now)
+    console.machine.release("X", console.now)
+    console.rest()
+    assert console.tell("G21\n$X\nG1X5\n") == []
+    console.tell(b"\x18")
+    assert console.rest() == [*BANNER, LOCK]
+    assert [line.text for line in console.machine.executed] == ["G1X10F600"]
