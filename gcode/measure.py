@@ -45,7 +45,7 @@ def measure(
     for piece in pieces:
         if not measuring.take(piece):
             break
-    return measuring.maker.finish()
+    return measuring.finish()
 
 
 class _Measuring:
@@ -63,7 +63,7 @@ class _Measuring:
         self._writer = Writer(profile, self._reading.table, compact=sending.compact) if sending.baud else None
         self._next_line = 1
         self._unsent_s = 0.0
-        self.maker = TimelineMaker(motion, self._reading.state.axes, lines)
+        self._maker = TimelineMaker(motion, self._reading.state.axes, lines)
 
     def take(self, piece: bytes) -> bool:
         """The next piece; False when the program ends in it."""
@@ -75,11 +75,16 @@ class _Measuring:
         rows = columns.lines if last is None else last + 1
         blocks = self._reading.blocks(columns)
         if self._writer is None:
-            self.maker.add(self._reading.read(columns, blocks, end=rows))
+            self._maker.add(self._reading.read(columns, blocks, end=rows))
         else:
             self._add_sent(columns, blocks, rows, self._writer)
         self._reading.notes.clear()
         return last is None
+
+    def finish(self) -> Timeline:
+        """The program is over: what compensation has held back is carried out too."""
+        self._maker.add(self._reading.finish())
+        return self._maker.finish()
 
     def _end(self, columns: Columns) -> int | None:
         """The row of the block that ends the program."""
@@ -93,8 +98,8 @@ class _Measuring:
         sent = np.array([len(text) for text in writer.texts(0, rows)], np.float64)
         # A line end, or what else stands between blocks.
         link_s = (sent + (sent > 0)) * BITS_A_BYTE / float(self._sending.baud or 1)
-        self.maker.add_link(np.arange(columns.first_line, columns.first_line + rows), link_s)
-        self.maker.add(segments, self._floors(segments, columns.first_line, link_s))
+        self._maker.add_link(np.arange(columns.first_line, columns.first_line + rows), link_s)
+        self._maker.add(segments, self._floors(segments, columns.first_line, link_s))
 
     def _floors(self, segments: Segments, first_line: int, link_s: Floats) -> Floats:
         """What goes out before each segment; lines that move nothing go with the next."""
