@@ -25,3 +25,12 @@ def test_every_code_is_explained() -> None:
     known = codes()
     assert {"unknown_code", "rapid_into_material", "feed_missing", "link_too_slow", "bad_number"} <= known
     assert {code for code in known if f"`{code}`" not in PAGE} == set()
+
+
+def test_every_reason_not_to_expand_a_program_is_explained() -> None:
+    page = (ROOT / "docs" / "gcode-programs.md").read_text(encoding="utf-8")
+    raised = re.compile(r'(?:error|RefusalError|ExpandError)\(\s*(?:[^"()]|\([^"()]*\))*"([a-z][a-z0-9_]+)",')
+    files = (ROOT / "gcode" / "expand").glob("*.py")
+    known = {code for path in files for code in raised.findall(path.read_text(encoding="utf-8"))}
+    assert {"machine_parameter", "m98_target", "not_closed", "too_many_lines", "division_by_zero"} <= known
+    assert {code for code in known if f"`{code}`" not in page} == set()

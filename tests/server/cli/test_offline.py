@@ -145,3 +145,43 @@ def test_the_sample_program_passes_with_nothing_but_the_hint_about_homing(millst
     assert [(one["code"], one["line"]) for one in report["warnings"]] == [("differs", 7)]
     assert report["bounds"]["x"][0] >= 0
     assert report["bounds"]["x"][1] <= 120
+
+
+OWORDS = b"G21 G90\n#1=0\no1 while [#1 LT 2]\n  G1 X[#1*5] F600\n  #1=[#1+1]\no1 endwhile\nM30\n"
+
+
+def test_a_program_with_o_words_is_expanded(millstream: Run, file: Path) -> None:
+    file.write_bytes(OWORDS)
+    outcome = millstream("check", file, "-p", "elvinto")
+    assert outcome.code == 0
+    assert "7 lines (expanded: 4), 4 blocks" in outcome.out
+    assert f"{file}:1:0: info: " in outcome.out
+    translated = millstream("translate", file, "-p", "elvinto", "--no-compact")
+    assert translated.out.split() == ["G21G90", "G1X0F600", "G1X5F600", "M30"]
+    batches = [json.loads(line) for line in millstream("translate", file, "-p", "elvinto", "--json").out.splitlines()]
+    assert batches[-1]["line_to"] == 4
+
+
+def test_a_fanuc_program_with_a_subprogram(millstream: Run, file: Path) -> None:
+    file.write_bytes(b"O1\nG21 G90\nM98 P2 L2\nM30\nO2\n/G1 X1 F5\nM99\n")
+    translated = millstream("translate", file, "-p", "elvinto", "--no-compact")
+    assert translated.out.split() == ["G21G90", "G1X1F5", "G1X1F5", "M30"]
+    without = millstream("translate", file, "-p", "elvinto", "--block-delete")
+    assert without.out.split() == ["G21G90", "M30"]
+
+
+@pytest.mark.parametrize(("line", "code"), [(b"G1 X#<_x>\n", "machine_parameter"), (b"M98 P7\n", "m98_target")])
+def test_what_cannot_be_expanded_is_a_finding(millstream: Run, file: Path, line: bytes, code: str) -> None:
+    file.write_bytes(b"G21 G90\n" + line + b"M30\n")
+    outcome = millstream("check", file, "-p", "elvinto")
+    assert outcome.code == 1
+    assert f"{file}:2:" in outcome.out
+    assert f"[{code}]" in outcome.out
+    assert millstream("translate", file, "-p", "elvinto").code == 1
+
+
+def test_a_binary_file_with_a_parameter_in_it_is_no_crash(millstream: Run, file: Path) -> None:
+    file.write_bytes(b"\x00\x01#1=5\n")
+    outcome = millstream("check", file, "-p", "elvinto", "--json")
+    assert outcome.code == 1
+    assert json.loads(outcome.out)["expanded_lines"] is None
