@@ -117,3 +117,12 @@ def test_whether_coordinates_are_absolute_is_not_taken_from_a_machine_in_g91(sto
         Planning(store).start(piece(), silent, line=3, position={"x": 2.0}, absolute=False)
     plan = Planning(store).start(piece(), silent, line=3, position={"x": 2.0}, absolute=True)
     assert plan.prologue == ("G90", "G1", "F600")
+
+
+@pytest.mark.parametrize("text", [b"G91\nG1 X1 Y2 F600\nX1\nM30\n", b"G90\nG1 X1 Y2 F600\nX2\nM30\n"])
+def test_a_drawing_begins_at_the_zero_of_the_program(store: ProgramStore, text: bytes) -> None:
+    planning, profile = Planning(store), piece().profile
+    (found,) = [part for part in planning.motion_of(row(store, text)["program"], profile) if len(part)]
+    assert found.start[:2].T.tolist() == [[0.0, 0.0], [1.0, 2.0]]
+    assert found.end[:2].T.tolist() == [[1.0, 2.0], [2.0, 2.0]]
+    assert not found.start[2:].any()
