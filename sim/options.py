@@ -11,6 +11,7 @@ from urllib.parse import parse_qsl
 
 from sim.elvinto.settings import SimSettings
 from sim.faults import FaultRates
+from sim.grbl.nonvolatile import HAL_TABLE
 from sim.grbl.simsettings import SimSettings as GrblSettings
 from sim.motion import AXES
 
@@ -172,6 +173,8 @@ def _take_dollar(settings: dict[str, Any], key: str, value: str) -> None:
     number = key.removeprefix("set_")
     if not number.isdigit():
         raise ValueError(f"{key} must name a setting by its number, as in set_110")
+    if int(number) not in HAL_TABLE:
+        raise ValueError(f"{key}: there is no setting ${number}")
     settings.setdefault("dollar", {})[int(number)] = _read(key, value, float)
 
 

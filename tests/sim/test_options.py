@@ -102,6 +102,7 @@ def test_every_kind_of_key_of_grbl() -> None:
         ("flavour=0.9", "1.1h, grblHAL"),
         ("repeat=reack", "unknown key 'repeat'.*set_N"),
         ("set_x=1", "set_110"),
+        ("set_999=1", "no setting"),
         ("set_110=fast", "must be a number"),
         ("travel_x=0", "more than 0"),
         ("rx_bytes=3", "at least 16"),
