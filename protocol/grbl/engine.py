@@ -1,0 +1,343 @@
+"""The host's side of Grbl 1.1 and grblHAL for one connection epoch: character counting, real-time lane, status polls.
+
+No I/O, no clock. `phases.py` is the table; the layers below (`watching`, `resets`, `traffic`) move between the phases;
+here stand the five verbs, what each line of the controller is handed to, and what people may ask.
+The one rule: done is not acknowledged (`errands.py`), and nothing real-time waits behind a line (`lane.py`).
+"""
+
+from collections.abc import Callable
+from typing import Any, assert_never
+
+from protocol.commands import (
+    AskToolChange,
+    CheckMode,
+    ClearAlarm,
+    Command,
+    CoolantToggle,
+    CycleStart,
+    EmergencyStop,
+    FeedHold,
+    GrblCommand,
+    JogCancel,
+    ListFiles,
+    Locate,
+    Override,
+    RealtimeCommand,
+    RunBlock,
+    RunFile,
+    SafetyDoor,
+    SendBatch,
+    SoftReset,
+    SpindleStopToggle,
+    Stop,
+    ToggleOption,
+    ToolAck,
+)
+from protocol.engine import Frame, OpenWork
+from protocol.errors import LocalError, MessageTooLongError
+from protocol.events import (
+    Announced,
+    CommandDone,
+    CommandFailed,
+    Event,
+    MessageSeen,
+    ProbeReported,
+    ProtocolFault,
+    StartupBlockRun,
+)
+from protocol.grbl import asking, realtime
+from protocol.grbl.asking import named
+from protocol.grbl.codec import Decoder
+from protocol.grbl.dialect import Dialect
+from protocol.grbl.errands import Errand
+from protocol.grbl.messages import (
+    AlarmRaised,
+    AxisNames,
+    Banner,
+    Fact,
+    Message,
+    Ok,
+    Options,
+    ParserState,
+    ProbeResult,
+    Refusal,
+    Said,
+    SettingValue,
+    StartupAnswer,
+)
+from protocol.grbl.phases import STEPS, Phase
+from protocol.grbl.reports import StatusReport, number
+from protocol.grbl.settings import STEPS_PER_MM
+from protocol.grbl.traffic import MAX_BATCHES, MAX_BY_HAND
+from protocol.grbl.watching import Watching
+from protocol.grbl.window import Window
+
+
+class GrblEngine(Watching):
+    """See protocol.engine.Engine. `now`: the shell's clock at the connection."""
+
+    def __init__(self, dialect: Dialect, *, first_id: int, now: float, open_work: OpenWork | None = None) -> None:
+        super().__init__(dialect, first_id, now, open_work)
+        self._decoder = Decoder()
+        self._handlers: dict[type, Callable[[Any, float], None]] = {
+            Ok: lambda _, now: self._on_answer(None, "", now, refused=False),
+            Refusal: lambda said, now: self._on_answer(said.code, said.text, now, refused=True),
+            AlarmRaised: self._on_alarm,
+            Banner: self._on_banner,
+            StatusReport: self._on_report,
+            Options: self._on_options,
+            AxisNames: self._on_axes,
+            Fact: self._on_fact,
+            ParserState: lambda said, _: self._blocks.learn_modal(said.words),
+            SettingValue: self._on_setting,
+            Said: lambda said, _: self._emit(Announced(said.text)),
+            ProbeResult: self._on_probe,
+            StartupAnswer: lambda said, _: self._emit(StartupBlockRun(said.block, said.code)),
+        }
+
+    # --- the five verbs -----------------------------------------------------------------------------------------
+
+    def receive_data(self, data: bytes, now: float) -> None:
+        """Any bytes, in any pieces; never raises."""
+        for heard in self._decoder.receive_data(data):
+            if self._phase is Phase.CLOSED:
+                return
+            self._frames.append(Frame(now, "<", heard.text.encode("ascii", "replace")))
+            message = heard.message
+            if isinstance(message, ProtocolFault):
+                self._emit(message)
+                continue
+            self._poll.heard(now)
+            self._emit(MessageSeen("<", heard.text))
+            self._handle(message, now)
+
+    def _handle(self, message: Message, now: float) -> None:
+        head = self._active.head
+        if head is not None and head.errand.request is not None and STEPS[self._phase].counts:
+            head.errand.request.hear(message)
+        handler = self._handlers.get(type(message))
+        if handler is not None:
+            handler(message, now)
+
+    def data_to_send(self, now: float) -> bytes:
+        """What is to go out now: the real-time lane, then lines as the window has room."""
+        return b"" if self._phase is Phase.CLOSED else self._write(now)
+
+    def next_event(self) -> Event | None:
+        """What happened, oldest first."""
+        return self._events.popleft() if self._events else None
+
+    def next_timer(self) -> float | None:
+        """The earliest deadline."""
+        due = list(self._due.values())
+        if STEPS[self._phase].polls:
+            due.append(self._poll.next_at)
+        return min(due, default=None)
+
+    def handle_timer(self, now: float) -> None:
+        """A deadline has come; calling early does nothing."""
+        if STEPS[self._phase].polls and now >= self._poll.next_at:
+            self._watch_silence(now)
+            self._lane.put(realtime.STATUS)
+        if now >= self._due.get("phase", now + 1):
+            del self._due["phase"]
+            self._on_phase_silence(now)
+
+    def _on_phase_silence(self, now: float) -> None:
+        """What the table says of silence."""
+        match self._phase:
+            case Phase.OPENING:
+                self._ask(now)
+            case Phase.ASKING:
+                self._close("nobody answers to ?: no controller, another baud rate, or an alarm that needs a reset")
+            case Phase.READING:
+                self._on_reading_silence(now)
+            case Phase.STOPPING:
+                self._stopped(now, parked=False)
+            case Phase.RESETTING:
+                self._on_no_banner(now)
+            case Phase.RESTARTING:
+                self._forget("the controller was to reset itself")
+                self._read(now)
+            case _:
+                raise AssertionError(f"{self._phase} has no deadline")
+
+    # --- the domain's verbs -------------------------------------------------------------------------------------
+
+    @property
+    def next_id(self) -> int:
+        """The ID that the next SendBatch must carry."""
+        return self._next_id
+
+    def free(self) -> int:
+        """How many commands it can take. In alarm only what clears it makes sense; a batch is an error then."""
+        if self._phase is not Phase.READY or self._cancels or len(self._hand) >= MAX_BY_HAND:
+            return 0
+        return MAX_BATCHES - len(self._batches)
+
+    def recent_frames(self) -> tuple[Frame, ...]:
+        """What the recorder holds, oldest first."""
+        return tuple(self._frames)
+
+    def submit(self, command: Command, now: float) -> None:
+        """Take a command. Raises LocalError when not free, in alarm, for a wrong ID or an impossible line of a batch,
+        and MessageTooLongError. What people typed wrong is a CommandFailed."""
+        if not self.free():
+            raise LocalError(f"the engine takes no command now: it {self._phase.value}")
+        match command:
+            case SendBatch():
+                self._submit_batch(command)
+            case RunBlock(token=token, blocks=blocks):
+                self._submit_blocks(token, blocks)
+            case Locate(token=token):
+                self._locates.append((token, self._poll.asked))
+                self._poll.next_at = min(self._poll.next_at, now)
+            case ListFiles(token=token) | RunFile(token=token) | AskToolChange(token=token):
+                self._emit(CommandFailed(token, None, "this engine does not speak of files or tools of a Grbl"))
+            case _:
+                assert isinstance(command, GrblCommand | ClearAlarm), "a command of the realtime lane"
+                self._submit_asked(command)
+
+    def _submit_batch(self, batch: SendBatch) -> None:
+        if batch.id != self._next_id:
+            raise LocalError(f"batch {batch.id} is out of turn: the next ID is {self._next_id}")
+        if self._status == "alarm":
+            raise LocalError("a batch was submitted while the machine is in alarm")
+        if not batch.blocks:
+            raise LocalError("a batch without a line is never done")
+        self._batches.append(Errand(self._lines(batch.blocks), batch=batch))
+        self._next_id += 1
+
+    def _submit_blocks(self, token: int, blocks: tuple[str, ...]) -> None:
+        problem = self._problem(in_alarm=False, needs_idle=True)
+        try:
+            lines = self._lines(blocks)
+        except MessageTooLongError:
+            raise
+        except LocalError as error:
+            problem = str(error)
+        if problem is not None or not blocks:
+            self._emit(CommandFailed(token, None, problem or "there is nothing to execute"))
+        else:
+            self._hand.append(Errand(lines, token=token))
+
+    def _submit_asked(self, command: GrblCommand | ClearAlarm) -> None:
+        if isinstance(command, CheckMode) and command.on == (self._status == "check"):
+            self._emit(CommandDone(command.token))
+            return
+        try:
+            asked = asking.request(command)
+            problem = self._problem(in_alarm=asked.in_alarm, needs_idle=asked.needs_idle or asked.jog)
+            if problem is None:
+                self._submit_request(asked)
+        except MessageTooLongError:
+            raise
+        except LocalError as error:
+            problem = str(error)
+        if problem is not None:
+            self._emit(CommandFailed(command.token, None, problem))
+
+    def _problem(self, *, in_alarm: bool, needs_idle: bool) -> str | None:
+        """Why a command by hand cannot be taken now. A reader never makes a job wait."""
+        if self._pendant:
+            return "a pendant owns the machine (MPG)"
+        if self._status == "alarm" and not in_alarm:
+            return "the machine is in alarm"
+        if self._status == "sleep":
+            return "the controller sleeps; only a reset wakes it up"
+        if needs_idle and self._batches and self._by_hand is None:
+            return "a job is under way"
+        return None
+
+    def realtime(self, command: RealtimeCommand, now: float) -> None:
+        """Take a command of the real-time lane: its byte goes out with the next write, before every line."""
+        token = command.token
+        if self._phase is Phase.CLOSED:
+            self._emit(CommandFailed(token, None, "the link is down: use the machine's own emergency button"))
+            return
+        match command:
+            case EmergencyStop():
+                self._reset_tokens.append(token)
+                self._reset("estop", None, "the emergency stop was pressed", now)
+            case SoftReset():
+                self._reset_tokens.append(token)
+                self._reset("stop", None, "reset by hand", now)
+            case Stop():
+                self._reset_tokens.append(token)
+                self._stop("stop", None, "stopped by hand", now)
+            case FeedHold():
+                self._hold(token)
+            case CycleStart():
+                self._resume(token)
+            case JogCancel():
+                self._cancel_jogs(token)
+            case ToolAck():
+                self._acknowledge_tool(token)
+            case SafetyDoor() | Override() | CoolantToggle() | SpindleStopToggle() | ToggleOption():
+                self._press(command)
+            case _:
+                assert_never(command)
+
+    def _press(self, command: SafetyDoor | Override | CoolantToggle | SpindleStopToggle | ToggleOption) -> None:
+        """A byte that changes nothing of the stream."""
+        match command:
+            case SafetyDoor():
+                byte: bytes | None = realtime.SAFETY_DOOR
+            case Override(what=what, step=step):
+                byte = realtime.OVERRIDES.get((what, step))
+            case CoolantToggle(what=coolant):
+                byte = realtime.COOLANTS[coolant]
+            case SpindleStopToggle():
+                byte = realtime.SPINDLE_STOP
+            case ToggleOption(what=option):
+                byte = realtime.OPTIONS[option] if self._flavour == "grblhal" else None
+        if byte is None:
+            self._emit(CommandFailed(command.token, None, "this controller has no such key"))
+        else:
+            self._lane.put(byte, command.token)
+
+    def _cancel_jogs(self, token: int) -> None:
+        for errand in tuple(self._hand):
+            if errand.request is not None and errand.request.jog and errand.waiting:
+                self._drop(errand, "the jog was cancelled")
+        self._lane.put(realtime.JOG_CANCEL)
+        self._cancels.append(token)
+        self._cancelled_at = self._poll.asked
+
+    def _acknowledge_tool(self, token: int) -> None:
+        """grblHAL, M6: from now on lines go into a second input buffer until `~`; the first one waits as it is."""
+        self._lane.put(realtime.TOOL_ACK, token)
+        if self._status == "tool" and self._by_hand is None:
+            self._by_hand = Window(self._window.capacity, one_by_one=True)
+
+    # --- what the controller says -------------------------------------------------------------------------------
+
+    def _on_answer(self, code: int | None, text: str, now: float, *, refused: bool) -> None:
+        self._answered(code, text, now, refused=refused)
+        self._read_on(now)
+
+    def _on_options(self, options: Options, _: float) -> None:
+        self._learn_rx(options.rx_bytes)
+        self._planner_blocks = options.planner_blocks
+
+    def _on_axes(self, axes: AxisNames, _: float) -> None:
+        self._axes = axes.names
+
+    def _on_fact(self, fact: Fact, _: float) -> None:
+        if fact.key == "FIRMWARE" and fact.value.lower() == "grblhal":
+            self._flavour = "grblhal"
+
+    def _on_setting(self, setting: SettingValue, _: float) -> None:
+        if self._phase is Phase.READING:
+            self._settings_read = True
+        if 0 <= setting.number - STEPS_PER_MM < 3:
+            try:
+                self._blocks.learn_steps(setting.number - STEPS_PER_MM, number(setting.value))
+            except ValueError:
+                return  # not a number: nothing can be counted on this axis
+
+    def _on_probe(self, probe: ProbeResult, _: float) -> None:
+        """`[PRB:]` is a row of `$#` too: there it is no news."""
+        head = self._active.head
+        if head is None or head.errand.request is None:
+            self._emit(ProbeReported(named(probe.position, self._axes), probe.succeeded))

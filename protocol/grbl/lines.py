@@ -1,0 +1,79 @@
+"""What of a line matters to the stream: its bytes, whether it must travel alone, what its `ok` proves.
+
+Not the language: that is gcode/. Lines come clean (no comments, no blanks that matter, ASCII); here that is only
+verified. The one rule: a line that could press a real-time key, or be two lines, is never sent (grbl II.1, trap).
+"""
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from protocol.errors import LocalError, MessageTooLongError
+from protocol.grbl.realtime import acts_anywhere
+
+WORD: Final = re.compile(r"([A-Z])([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))")
+_PROGRAM: Final = re.compile(rf"/?(?:{WORD.pattern})+")
+
+# grbl II.4: interrupts are off while the EEPROM is written, and incoming bytes may be lost.
+_EEPROM_GCODES: Final = frozenset({10.0, 28.1, 30.1})
+
+# grbl II.4, sync point: their ok comes when all earlier motion is done.
+_SYNC_GCODES: Final = frozenset({4.0, 38.2, 38.3, 38.4, 38.5})
+_SYNC_MCODES: Final = frozenset({0.0, 2.0, 30.0})
+
+# Words that put nothing into the planner: a line of these alone is executed when it is acknowledged.
+_INERT_GCODES: Final = frozenset(
+    {17.0, 18.0, 19.0, 20.0, 21.0, 40.0, 49.0, *map(float, range(54, 60)), 61.0, 80.0, 90.0, 91.0, 91.1, 93.0, 94.0}
+)
+_INERT_MCODES: Final = frozenset({3.0, 4.0, 5.0, 7.0, 8.0, 9.0})
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """`alone`: nothing else may be in the controller while it is there. `syncs`: its ok proves that everything up to
+    it is executed. `inert`: it makes no motion. `dwell_s`: so long it may stay without an answer in Idle."""
+
+    text: str
+    data: bytes
+    alone: bool = False
+    syncs: bool = False
+    inert: bool = False
+    dwell_s: float = 0.0
+    tool: int | None = None
+
+
+def words_of(text: str) -> list[tuple[str, float]] | None:
+    """Letters and numbers, or None where the line holds anything else ($, expressions, O-words' brackets)."""
+    if not _PROGRAM.fullmatch(text):
+        return None
+    return [(letter, float(value)) for letter, value in WORD.findall(text)]
+
+
+def read_line(text: str, line_chars: int) -> Line:
+    """Classify a line. Raises LocalError for one that must never be sent, MessageTooLongError for one too long."""
+    wrong = next((c for c in text if ord(c) > 0xFF or acts_anywhere(ord(c))), None)
+    if wrong is not None:
+        raise LocalError(f"a line may not hold {wrong!r}: the controller would act on it or break the line")
+    bare = text.upper().replace(" ", "")
+    if not bare:
+        raise LocalError("an empty line would be answered with an ok of its own")
+    if len(bare) > line_chars:
+        raise MessageTooLongError(f"a line of {len(bare)} characters; the controller takes {line_chars}: {text[:40]}")
+    data = text.encode("ascii") + b"\n"
+    if bare[0] == "$":
+        return Line(text, data, alone=not bare.startswith(("$J=", "$G")) or bare.startswith("$G="), inert=True)
+    words = words_of(bare)
+    if words is None:
+        return Line(text, data)
+    gcodes = {value for letter, value in words if letter == "G"}
+    mcodes = {value for letter, value in words if letter == "M"}
+    letters = {letter for letter, _ in words}
+    return Line(
+        text,
+        data,
+        alone=bool(gcodes & _EEPROM_GCODES),
+        syncs=bool(gcodes & _SYNC_GCODES or mcodes & _SYNC_MCODES),
+        inert=letters <= set("GMFSTN") and gcodes <= _INERT_GCODES and mcodes <= _INERT_MCODES,
+        dwell_s=sum(value for letter, value in words if letter == "P") if 4.0 in gcodes else 0.0,
+        tool=next((int(value) for letter, value in words if letter == "T"), None),
+    )

@@ -1,0 +1,305 @@
+"""Lines on their way and their answers: the lowest layer of the engine.
+
+`settling.py` knows resets, alarms and the handshake, `watching.py` status reports, `engine.py` the five verbs.
+The one rule: a line goes out only when every gate is open and the window has room, and each answer goes to the oldest
+line without one.
+"""
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Iterable
+
+from protocol.engine import Frame
+from protocol.events import (
+    Alarm,
+    BatchDone,
+    BatchReceived,
+    BatchSent,
+    CommandDone,
+    CommandFailed,
+    Event,
+    LineRefused,
+    MessageSeen,
+    ProtocolFault,
+    Status,
+)
+from protocol.grbl import asking, codes
+from protocol.grbl.asking import Request
+from protocol.grbl.blocks import BlockCounter
+from protocol.grbl.dialect import Dialect
+from protocol.grbl.errands import Errand, Executed
+from protocol.grbl.lane import Lane
+from protocol.grbl.lines import Line, read_line
+from protocol.grbl.messages import Flavour
+from protocol.grbl.phases import STEPS, Phase
+from protocol.grbl.polling import Poll
+from protocol.grbl.realtime import CYCLE_START, FEED_HOLD, SOFT_RESET, STATUS
+from protocol.grbl.window import Entry, Window
+
+RECORDED_FRAMES = 400
+"""Writes and lines kept for the job's events at a fault: some seconds of a full stream, 40 KB."""
+MAX_BATCHES = 8
+"""Batches that may be with the engine: enough that the window never runs dry between two offers."""
+MAX_BY_HAND = 8
+HANDSHAKE_TRIES = 2
+
+STANDING: frozenset[Status] = frozenset({"idle", "alarm", "check", "tool"})
+BARRED: frozenset[Status] = frozenset({"hold", "door", "alarm", "sleep", "home", "jog", "tool"})
+
+
+class Traffic(ABC):
+    """State of one epoch, and the stream."""
+
+    def __init__(self, dialect: Dialect, first_id: int) -> None:
+        self._dialect = dialect
+        self._phase = Phase.CLOSED
+        self._next_id = first_id
+        self._events: deque[Event] = deque()
+        self._frames: deque[Frame] = deque(maxlen=RECORDED_FRAMES)
+        self._due: dict[str, float] = {}
+        self._lane = Lane()
+        self._poll = Poll()
+        self._window = Window(one_by_one=dialect.streaming == "line")
+        self._by_hand: Window | None = None  # grblHAL's second input buffer, after the tool change was acknowledged
+        self._batches: deque[Errand] = deque()
+        self._hand: deque[Errand] = deque()
+        self._executed = Executed()
+        self._blocks = BlockCounter()
+        self._status: Status | None = None
+        self._alarm: Alarm | None = None
+        self._held_at: int | None = None  # question number at which a hold was asked for
+        self._refused = False
+        self._pendant = False
+        self._jogging = False
+        self._cancels: list[int] = []
+        self._cancelled_at = 0
+        self._tool = 0
+        self._flavour: Flavour = "grbl"
+        self._axes: tuple[str, ...] = ()
+        self._planner_blocks: int | None = None
+        self._progress_at = 0.0
+
+    # --- what higher layers do ----------------------------------------------------------------------------------
+
+    @abstractmethod
+    def _restarting(self, now: float) -> None:
+        """The controller resets itself behind this ok."""
+
+    @abstractmethod
+    def _stop_for(self, refused: LineRefused, now: float) -> None:
+        """The job's policy is to stop at a refused line."""
+
+    # --- small things -------------------------------------------------------------------------------------------
+
+    def _emit(self, event: Event) -> None:
+        self._events.append(event)
+
+    def _fail(self, token: int | None, code: int | None, message: str) -> None:
+        if token is not None:
+            self._emit(CommandFailed(token, code, message))
+
+    @property
+    def _active(self) -> Window:
+        """Where lines go now."""
+        return self._window if self._by_hand is None else self._by_hand
+
+    @property
+    def _moving_for(self) -> bool:
+        """Lines of a program are inside, or waiting, or not known to be executed."""
+        return bool(self._batches) or not self._executed.empty
+
+    def _hold(self, token: int | None = None) -> None:
+        self._lane.put(FEED_HOLD, token)
+        self._held_at = self._poll.asked
+
+    def _resume(self, token: int | None) -> None:
+        """`~`. After a tool change the first input buffer goes on (grblHAL, M6)."""
+        self._lane.put(CYCLE_START, token)
+        self._held_at, self._refused = None, False
+        if self._by_hand is not None:
+            for entry in self._by_hand.entries:
+                self._drop(entry.errand, "the program went on before it was answered")
+            self._by_hand = None
+
+    def _drop(self, errand: Errand, why: str) -> None:
+        """A command by hand that will not be executed any more."""
+        if not errand.failed:
+            errand.failed = True
+            self._fail(errand.token, None, why)
+        if errand in self._hand:
+            self._hand.remove(errand)
+
+    # --- out ----------------------------------------------------------------------------------------------------
+
+    def _write(self, now: float) -> bytes:
+        """The real-time lane, then as many lines as may go. Nothing behind a soft reset: it would be lost."""
+        urgent, tokens = self._lane.take()
+        for token in tokens:
+            self._emit(CommandDone(token))
+        if STATUS in urgent:
+            self._poll.sent(now, self._executed.count if self._window.empty else None)
+        for byte in urgent:
+            if byte != STATUS[0]:
+                self._emit(MessageSeen(">", chr(byte) if 0x20 < byte < 0x7F else f"0x{byte:02X}"))
+        out = bytearray(urgent)
+        if SOFT_RESET not in urgent:
+            while (entry := self._next_entry()) is not None:
+                self._launch(entry, now)
+                out += entry.line.data
+        if out:
+            self._frames.append(Frame(now, ">", bytes(out)))
+        return bytes(out)
+
+    def _launch(self, entry: Entry, now: float) -> None:
+        errand = entry.errand
+        self._active.put(entry)
+        self._progress_at = now
+        if errand.batch is not None and errand.sent == 0:
+            self._emit(BatchSent(errand.batch.id, 1))
+        errand.sent += 1
+        if errand.request is not None and errand.request.jog:
+            self._jogging = True
+        if entry.line.tool is not None:
+            self._tool = entry.line.tool
+        self._emit(MessageSeen(">", entry.line.text))
+
+    def _next_entry(self) -> Entry | None:
+        """The next line that may go out now."""
+        if self._phase not in (Phase.READY, Phase.READING) or self._pendant:
+            return None
+        errand = next((errand for errand in self._hand if errand.waiting), None)
+        if errand is not None:
+            if not self._hand_may_go(errand):
+                return None
+        elif self._gate() is None:
+            errand = next((errand for errand in self._batches if errand.waiting), None)
+        if errand is None or not self._active.takes(errand.lines[errand.sent]):
+            return None
+        return Entry(errand, errand.sent, errand.lines[errand.sent])
+
+    def _gate(self) -> str | None:
+        """The gate (phases.GATES) that holds lines of programs back, or None."""
+        if self._phase is not Phase.READY:
+            return "homing"
+        if self._held_at is not None or self._status in ("hold", "door"):
+            return "held"
+        if self._refused:
+            return "refused"
+        if self._status == "tool" or self._by_hand is not None:
+            return "tool"
+        if self._jogging:
+            return "jogging"
+        return "barred" if self._status in BARRED else None
+
+    def _hand_may_go(self, errand: Errand) -> bool:
+        asked = errand.request
+        acknowledged = self._by_hand is not None
+        if self._status in ("hold", "door", "sleep", "home") or (self._status == "tool" and not acknowledged):
+            return False
+        if asked is None:
+            return acknowledged or self._gate() is None
+        if asked.jog:
+            still = self._executed.empty or acknowledged
+            return not self._cancels and still and self._status in ("idle", "jog", "tool")
+        if asked.needs_idle:
+            at_rest = self._status in STANDING and self._executed.empty and not self._jogging
+            return acknowledged or at_rest
+        return True
+
+    # --- in -----------------------------------------------------------------------------------------------------
+
+    def _answered(self, code: int | None, text: str, now: float, *, refused: bool) -> None:
+        """An ok or an error: the oldest line without an answer has it."""
+        if not STEPS[self._phase].counts:
+            return  # grbl II.3: a reset is under way, or lines of the epoch before are being answered
+        window = self._active
+        if window.head is None:
+            self._emit(ProtocolFault("unasked_answer", f"error:{code}" if refused else "ok without a line"))
+            return
+        head = window.head.errand
+        if self._phase is Phase.READING and not refused and head.request is not None and not head.request.complete:
+            return  # the ok of a line from before this epoch; our question is not answered before its rows came
+        entry = window.answer()
+        assert entry is not None
+        self._progress_at = now
+        entry.errand.answered += 1
+        if entry.errand.failed:
+            return
+        if entry.errand.request is not None:
+            self._request_answered(entry.errand, entry.errand.request, code, text, now, refused=refused)
+        else:
+            self._block_answered(entry, code, text, now, refused=refused)
+
+    def _request_answered(
+        self, errand: Errand, asked: Request, code: int | None, text: str, now: float, *, refused: bool
+    ) -> None:
+        if refused and asked.token is None and asked.tries < HANDSHAKE_TRIES:
+            # Half a line of an epoch before may have stood in front of ours.
+            asked.tries += 1
+            asked.heard.clear()
+            errand.sent = errand.answered = 0
+        elif refused:
+            self._hand.remove(errand)
+            errand.failed = True
+            self._fail(errand.token, code, codes.error(code, text))
+        elif errand.answered == len(errand.lines):
+            self._hand.remove(errand)
+            self._report(asking.results(asked, self._flavour, self._axes))
+            if asked.resets:
+                self._restarting(now)
+
+    def _report(self, events: Iterable[Event]) -> None:
+        for event in events:
+            self._emit(event)
+
+    def _block_answered(self, entry: Entry, code: int | None, text: str, now: float, *, refused: bool) -> None:
+        errand, line = entry.errand, entry.line
+        certain = not refused and self._blocks.certain(line.text)
+        touched = self._executed.acknowledged(errand, inert=refused or line.inert, certain=certain)
+        if (line.syncs and not refused) or self._status == "check":
+            touched += self._executed.at_rest(self._executed.count)
+        elif self._planner_blocks is not None:
+            touched += self._executed.in_planner(self._planner_blocks)
+        if errand.batch is not None and errand.answered == len(errand.lines):
+            self._emit(BatchReceived(errand.batch.id))
+        if refused:
+            self._refuse(entry, code, text, now)
+        self._settle(touched)
+
+    def _refuse(self, entry: Entry, code: int | None, text: str, now: float) -> None:
+        """grbl II.4: the controller goes on executing what is already in its buffer."""
+        errand, batch = entry.errand, entry.errand.batch
+        message = codes.error(code, text)
+        if batch is None:
+            errand.failed = True
+            self._hand.remove(errand)
+            self._fail(errand.token, code, f"block {entry.index + 1}, {entry.line.text}: {message}")
+            return
+        ignored = batch.on_error == "ignore" and (not batch.ignored_errors or code in batch.ignored_errors)
+        action = "ignored" if ignored else "stopped" if batch.on_error == "stop" else "held"
+        inside = tuple(
+            (other.errand.batch.id, other.index) for other in self._window.entries if other.errand.batch is not None
+        )
+        refused = LineRefused(batch.id, entry.index, entry.line.text, code, message, action, inside)  # type: ignore[arg-type]
+        self._emit(refused)
+        if action == "held":
+            self._hold()
+            self._refused = True
+        elif action == "stopped":
+            self._stop_for(refused, now)
+
+    def _settle(self, touched: Iterable[Errand]) -> None:
+        """Errands of which more lines are known to be executed."""
+        for errand in touched:
+            if errand.done < len(errand.lines) or errand.failed:
+                continue
+            if errand.batch is not None and errand in self._batches:
+                self._batches.remove(errand)
+                self._emit(BatchDone(errand.batch.id))
+            elif errand in self._hand:
+                self._hand.remove(errand)
+                assert errand.token is not None
+                self._emit(CommandDone(errand.token))
+
+    def _lines(self, texts: Iterable[str]) -> tuple[Line, ...]:
+        return tuple(read_line(text, self._dialect.line_chars) for text in texts)

@@ -1,0 +1,208 @@
+"""What status reports mean for the stream: third layer of the engine (see `traffic.py`).
+
+The one rule: Idle proves that lines are executed only together with an empty planner, or when it was asked for after
+the last acknowledgement (grbl II.4: a queue that waits for more lines is Idle as well).
+"""
+
+from protocol.engine import OpenWork
+from protocol.events import (
+    AccessoriesChanged,
+    Alarm,
+    CommandDone,
+    OverridesChanged,
+    PendantChanged,
+    PinsChanged,
+    StateReported,
+    ToolRequested,
+)
+from protocol.grbl import codes
+from protocol.grbl.asking import named
+from protocol.grbl.dialect import Dialect
+from protocol.grbl.phases import STEPS, Phase
+from protocol.grbl.realtime import FEED_HOLD, JOG_CANCEL
+from protocol.grbl.reports import StatusReport
+from protocol.grbl.resets import Resets
+from protocol.grbl.traffic import STANDING
+
+RESTS_OF_A_STAND = 2
+"""Idle reports in a row, each asked for when nothing was open, that prove rest where the planner's room does not fit
+what `[OPT:]` says."""
+
+
+class Watching(Resets):
+    """Reports, and what follows from them."""
+
+    def __init__(self, dialect: Dialect, first_id: int, now: float, open_work: OpenWork | None) -> None:
+        super().__init__(dialect, first_id, now, open_work)
+        self._locates: list[tuple[int, int]] = []
+        self._pins: frozenset[str] = frozenset()
+        self._overrides: tuple[int, int, int] | None = None
+        self._accessories: frozenset[str] = frozenset()
+        self._told_rx_bytes: int | None = None
+
+    def _on_report(self, report: StatusReport, now: float) -> None:
+        busy = report.status not in ("idle", "alarm", "sleep") or not self._window.empty
+        mark = self._poll.answered(now, self._dialect.busy_poll_s if busy else self._dialect.idle_poll_s)
+        before, self._status = self._status, report.status
+        if self._phase in (Phase.RESETTING, Phase.RESTARTING):
+            return  # from before the reset
+        self._tell(report)
+        if report.mpg is not None and report.mpg != self._pendant:
+            self._pendant = report.mpg
+            self._emit(PendantChanged(report.mpg))
+        if self._held_at is not None and self._poll.asked > self._held_at and report.status not in ("hold", "door"):
+            # The hold was not heeded (Check, Alarm), has ended, or is a jog's end (II.2).
+            self._held_at = None if not self._refused else self._held_at
+        if report.status == "tool" != before:
+            self._emit(ToolRequested(self._tool if report.tool is None or self._tool else report.tool))
+        if report.status == "idle" and self._by_hand is not None and self._by_hand.empty:
+            self._by_hand = None
+        self._conclude(report, mark)
+        for token, asked in self._locates:
+            if self._poll.asked > asked:
+                self._emit(CommandDone(token))
+        self._locates = [kept for kept in self._locates if self._poll.asked <= kept[1]]
+        self._watch_jogs(report)
+        self._watch_phase(report, now)
+        self._watch_answers(report, now)
+
+    # --- events -------------------------------------------------------------------------------------------------
+
+    def _tell(self, report: StatusReport) -> None:
+        """As the vocabulary has it; positions in mm."""
+        if report.status != "alarm":
+            self._alarm = None
+        elif self._alarm is None or (report.substate and report.substate != self._alarm.code):
+            code = codes.alarm(report.substate or None, grblhal=self._flavour == "grblhal")
+            self._alarm = Alarm(report.substate or None, None, f"{code.meaning}; {code.remedy}")
+        machine = report.machine_position
+        values = machine if machine is not None else report.work_position
+        self._emit(
+            StateReported(
+                status=report.status,
+                position={} if values is None else named(values, self._axes),
+                feed_mm_min=report.feed_mm_min,
+                spindle_rpm=report.spindle_rpm,
+                alarm=self._alarm,
+                frame="work" if machine is None and values is not None else "machine",
+                work_offset=None if report.work_offset is None else named(report.work_offset, self._axes),
+                substate=report.substate,
+                tool=report.tool,
+                homed=report.homed,
+            )
+        )
+        if report.pins != self._pins:
+            self._pins = report.pins
+            self._emit(PinsChanged(report.pins))
+        if report.overrides is not None and report.overrides != self._overrides:
+            self._overrides = report.overrides
+            self._emit(OverridesChanged(*report.overrides))
+        if report.accessories is not None and report.accessories != self._accessories:
+            self._accessories = report.accessories
+            self._emit(AccessoriesChanged(report.accessories))
+
+    # --- proofs -------------------------------------------------------------------------------------------------
+
+    def _conclude(self, report: StatusReport, mark: int | None) -> None:
+        """Which acknowledged lines this report proves to be executed."""
+        free, blocks = report.planner_free, self._planner_blocks
+        known = free is not None and blocks is not None
+        if report.status in ("idle", "check"):
+            self._poll.rests = self._poll.rests + 1 if mark is not None else 0
+            if known and free == blocks:
+                self._came_to_rest(self._executed.count)
+            elif mark is not None and (not known or self._poll.rests >= RESTS_OF_A_STAND):
+                self._came_to_rest(mark)
+            self._measure(report, mark)
+        else:
+            self._poll.rests = 0
+            if known and free is not None and blocks is not None:
+                self._settle(self._executed.in_planner(max(blocks - free, 0)))
+
+    def _came_to_rest(self, number: int) -> None:
+        self._settle(self._executed.at_rest(number))
+        if self._window.empty:
+            self._jogging = False
+
+    def _measure(self, report: StatusReport, mark: int | None) -> None:
+        """The room of an empty receive buffer (II.1: 128 in 1.1h, one less in older builds and in grblHAL). It is what
+        the window is measured by: `[OPT:]` says the same number for both."""
+        if mark is not None and self._window.empty and report.rx_free and self._told_rx_bytes is not None:
+            self._window.capacity = max(1, min(self._told_rx_bytes, report.rx_free))
+
+    def _learn_rx(self, told_bytes: int | None) -> None:
+        """`[OPT:]`. One less until an idle report has shown how many an empty buffer takes."""
+        self._told_rx_bytes = told_bytes
+        if told_bytes:
+            self._window.capacity = max(1, told_bytes - 1)
+
+    # --- what waits for a state ---------------------------------------------------------------------------------
+
+    def _watch_jogs(self, report: StatusReport) -> None:
+        """II.7: unanswered jogs in the buffer run after the cancel, as new ones: cancel again while Jog persists."""
+        if not self._cancels or self._poll.asked <= self._cancelled_at:
+            return
+        inside = any(entry.errand.request is not None and entry.errand.request.jog for entry in self._active.entries)
+        if report.status == "jog":
+            self._lane.put(JOG_CANCEL)
+        elif not inside:
+            self._jogging = False
+            for token in self._cancels:
+                self._emit(CommandDone(token))
+            self._cancels.clear()
+
+    def _watch_phase(self, report: StatusReport, now: float) -> None:
+        if self._phase in (Phase.ASKING, Phase.ATTENDING):
+            if report.status in STANDING:
+                self._read(now)
+            else:
+                self._phase = Phase.ATTENDING
+                self._due.pop("phase", None)
+                self._announce()  # what runs in it can be held and reset by hand
+        elif self._phase is Phase.LOCKED and report.status != "alarm":
+            # It answers again: somebody has reset it at the machine and the banner was lost.
+            self._read(now)
+        elif self._phase is Phase.STOPPING and (self._held_at is None or self._poll.asked > self._held_at):
+            self._watch_stop(report, now)
+
+    def _watch_stop(self, report: StatusReport, now: float) -> None:
+        still = report.substate in (0, None) if report.status == "hold" else (report.substate or 0) < 2
+        match report.status:
+            case "hold" | "door":
+                if still:
+                    self._stopped(now, parked=True)
+            case "run" | "jog":
+                self._lane.put(FEED_HOLD)
+            case _:
+                self._stopped(now, parked=False)
+
+    def _watch_answers(self, report: StatusReport, now: float) -> None:
+        """A line without an answer while nothing moves and the buffer is empty: it, or its answer, was lost."""
+        head = self._window.head
+        full = report.rx_free is None or report.rx_free >= self._window.capacity
+        if (
+            head is None
+            or report.status not in ("idle", "check", "alarm")
+            or not full
+            or self._phase is not Phase.READY
+        ):
+            self._progress_at = max(self._progress_at, now if head is None else self._progress_at)
+            return
+        if now - self._progress_at > self._dialect.answer_timeout_s + head.line.dwell_s:
+            self._on_lost_answer(now)
+
+    # --- silence ------------------------------------------------------------------------------------------------
+
+    def _watch_silence(self, now: float) -> None:
+        """II.2: no answer while homing, behind ALARM 1 and 2, while the EEPROM is written."""
+        head = self._active.head
+        tolerated = (
+            STEPS[self._phase].silence == "tolerated"
+            or self._status == "home"
+            or self._pendant
+            or (head is not None and head.errand.request is not None and head.errand.request.homing)
+        )
+        if tolerated:
+            self._poll.heard(now)
+        elif self._poll.silent_s(now) > self._dialect.report_timeout_s:
+            self._close(f"no word from the controller for {self._dialect.report_timeout_s:g} s")

@@ -1,0 +1,75 @@
+"""Character counting: which lines are in the controller without an answer, and how many bytes they are (grbl I).
+
+Not what the answers mean. The one rule: the bytes of unanswered lines never exceed `capacity`; a ring that overflows
+drops bytes without a word (II.1).
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from protocol.grbl.dialect import SAFE_RX_BYTES
+from protocol.grbl.errands import Errand
+from protocol.grbl.lines import Line
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A line on its way: number `index` of its errand."""
+
+    errand: Errand
+    index: int
+    line: Line
+
+
+@dataclass(slots=True)
+class Window:
+    """`one_by_one`: the streaming mode `line`, an answer awaited after each."""
+
+    capacity: int = SAFE_RX_BYTES
+    one_by_one: bool = False
+    _entries: deque[Entry] = field(default_factory=deque)
+    _used_bytes: int = 0
+
+    def takes(self, line: Line) -> bool:
+        """Whether there is room for the line now."""
+        if self._entries and (self.one_by_one or line.alone or self._entries[-1].line.alone):
+            return False
+        return not self._entries or self._used_bytes + len(line.data) <= self.capacity
+
+    def put(self, entry: Entry) -> None:
+        """The line goes out."""
+        self._entries.append(entry)
+        self._used_bytes += len(entry.line.data)
+
+    def answer(self) -> Entry | None:
+        """The oldest line has its answer; None: there is none."""
+        if not self._entries:
+            return None
+        entry = self._entries.popleft()
+        self._used_bytes -= len(entry.line.data)
+        return entry
+
+    @property
+    def head(self) -> Entry | None:
+        """The line that the next answer is for."""
+        return self._entries[0] if self._entries else None
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """Oldest first."""
+        return tuple(self._entries)
+
+    @property
+    def empty(self) -> bool:
+        """Everything that was sent is answered."""
+        return not self._entries
+
+    @property
+    def used_bytes(self) -> int:
+        """Bytes of the lines without an answer."""
+        return self._used_bytes
+
+    def clear(self) -> None:
+        """The controller has forgotten them."""
+        self._entries.clear()
+        self._used_bytes = 0
