@@ -19,16 +19,36 @@ FARTHEST_MM = 1e9
 """A way longer than this is no machine's; it is cut off here so that its square stays a number."""
 
 
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """Into how many `chords` each segment is cut; all between the first and last `edge` of them are one line, but
+    where `edge` is 0 (longarcs.py)."""
+
+    chords: Ints
+    edge: Ints
+
+    @property
+    def lines(self) -> Ints:
+        """How many lines each segment becomes."""
+        return np.where(self.edge > 0, 2 * self.edge + 1, self.chords)
+
+    def take(self, where: slice) -> "Cut":
+        """That of consecutive segments."""
+        return Cut(self.chords[where], self.edge[where])
+
+
 @dataclass(slots=True)
 class Ways:
     """`delta` (axes, m) in mm of each straight line; `row` of the segment that it belongs to, ascending.
 
-    `first`: the line is the first of its segment. Every segment has at least one line, if only of no length.
+    `first`: the line is the first of its segment. Every segment has at least one line, if only of no length. `whole`:
+    the lines that stand for many chords; their `delta` leads across and is not the length of the way.
     """
 
     delta: Floats
     row: Ints
     first: NDArray[np.bool_]
+    whole: Ints
 
 
 def chord_counts(segments: Segments, tolerance_mm: float) -> Ints:
@@ -44,13 +64,14 @@ def chord_counts(segments: Segments, tolerance_mm: float) -> Ints:
     return counts
 
 
-def straight_ways(segments: Segments, counts: Ints, steps_per_mm: Mapping[int, float]) -> Ways:
+def straight_ways(segments: Segments, cut: Cut, steps_per_mm: Mapping[int, float]) -> Ways:
     """Every segment as lines. `steps_per_mm` by row of the axes; an axis that is not in it is not rounded."""
-    start, end = segments.start, segments.end
+    start, end, counts = segments.start, segments.end, cut.lines
     total = int(counts.sum())
     if total == len(counts):
         row = np.arange(total, dtype=np.int64)
-        return Ways(_difference(start, end, steps_per_mm), row, np.ones(total, np.bool_))
+        whole = np.zeros(0, np.int64)
+        return Ways(_difference(start, end, steps_per_mm), row, np.ones(total, np.bool_), whole)
     row = np.repeat(np.arange(len(counts), dtype=np.int64), counts)
     first_line = np.cumsum(counts) - counts
     start, end = start[:, row], end[:, row]
@@ -58,7 +79,9 @@ def straight_ways(segments: Segments, counts: Ints, steps_per_mm: Mapping[int, f
     first[first_line] = True
     arcs = np.flatnonzero(counts > 1)
     inside = np.flatnonzero((counts > 1)[row])
-    points = _points(segments, row[inside], (inside - first_line[row[inside]]) + 1, counts)
+    number = inside - first_line[row[inside]] + 1
+    edge, skipped = cut.edge[row[inside]], (cut.chords - counts)[row[inside]]
+    points = _points(segments, row[inside], np.where(number > edge, number + skipped, number), cut.chords)
     last = np.zeros(total, np.bool_)
     last[first_line[arcs] + counts[arcs] - 1] = True
     # Relative to an unknown start the points are of another origin than a known end: the arc alone counts then.
@@ -69,7 +92,7 @@ def straight_ways(segments: Segments, counts: Ints, steps_per_mm: Mapping[int, f
     begins = inside[first[inside]]
     # Where the machine stands is not known, but how the arc goes on from there is (segments: centre from the start).
     start[:, begins] = _or_zero(start[:, begins])
-    return Ways(_difference(start, end, steps_per_mm), row, first)
+    return Ways(_difference(start, end, steps_per_mm), row, first, inside[(edge > 0) & (number == edge + 1)])
 
 
 def _points(segments: Segments, row: Ints, number: Ints, counts: Ints) -> Floats:

@@ -12,11 +12,13 @@ import numpy as np
 from gcode.segments import Floats
 
 
-def backward_limits(limit2: Floats, energy: Floats, ahead: int) -> Floats:
+def backward_limits(limit2: Floats, energy: Floats, ahead: int, weight: Floats | None = None) -> Floats:
     """v² at which each block may be entered so that it and the `ahead - 1` after it can still brake to a stop.
 
     `limit2`: v² at most at the beginning of each block. Only the first n - ahead + 1 of n blocks are right, for only
     those are followed by enough of them, and that many are returned. With `ahead` 0 every block is entered at rest.
+    `weight`: how many alike blocks each stands for. What stands further off than `ahead` of those binds less than the
+    stop behind them does, so only that is reckoned by weight.
     """
     if ahead <= 0:
         return np.zeros_like(limit2)
@@ -35,8 +37,18 @@ def backward_limits(limit2: Floats, energy: Floats, ahead: int) -> Floats:
             held = np.minimum(held[:-width], spent[:-width] + held[width:])
             spent = spent[:-width] + spent[width:]
             width *= 2
+    if weight is not None and (weight > 1.0).any():
+        sums = np.minimum(sums, _reach(energy, weight, ahead)[: len(sums)])
     limits: Floats = np.minimum(best, sums)
     return limits
+
+
+def _reach(energy: Floats, weight: Floats, ahead: int) -> Floats:
+    """What `ahead` blocks from the beginning of each can take from v², those within a heavier one in proportion."""
+    places = np.concatenate(([0.0], np.cumsum(weight)))
+    spent = np.concatenate(([0.0], np.cumsum(energy)))
+    reach: Floats = np.interp(places[:-1] + ahead, places, spent) - spent[:-1]
+    return reach
 
 
 def forward_speeds(allowed2: Floats, energy: Floats) -> Floats:

@@ -10,7 +10,8 @@ from math import inf, isfinite, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from gcode.chords import chord_counts, straight_ways
+from gcode.chords import Cut, Ways, chord_counts, straight_ways
+from gcode.longarcs import Limits, chord_lengths, edges
 from gcode.motion import ASSUMED_FEED_MM_MIN, DEFAULT_ACCELERATION_MM_S2, DEFAULT_RATE_MM_MIN, Motion
 from gcode.segments import DWELL, HOMING, PROBE, RAPID, Floats, Ints, Segments
 
@@ -40,7 +41,7 @@ class Blocks:
     """Columns: `row` of the segment; `length` mm; `acceleration` mm/s²; `nominal` mm/s; `limit2` v² of entry at most.
 
     `longest_s`: a block is not slower than this, infinite where steps are not known. `pause_s`: what the stop before
-    it costs, 0 where there is none.
+    it costs, 0 where there is none. `weight`: how many of the controller's blocks it stands for (longarcs.py).
     """
 
     row: Ints
@@ -50,6 +51,7 @@ class Blocks:
     limit2: Floats
     longest_s: Floats
     pause_s: Floats
+    weight: Floats
 
     def __len__(self) -> int:
         return len(self.row)
@@ -68,7 +70,7 @@ class Blocks:
 
 def no_blocks() -> Blocks:
     """The empty queue."""
-    return Blocks(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(6)))
+    return Blocks(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(7)))
 
 
 class BlockMaker:
@@ -88,31 +90,44 @@ class BlockMaker:
         self._tolerance = _positive(motion.arc_tolerance_mm, 1e-6)
         self._feed_override = _positive(feed_override, 1.0)
         self._rapid_override = _positive(rapid_override, 1.0)
+        self._limits = Limits(
+            np.array(self._accelerations),
+            np.array(self._rates),
+            np.array([1.0 / self._steps[row] if row in self._steps else 0.0 for row in range(len(names))]),
+            self._deviation,
+            max(motion.planner_blocks - 2, 0),
+        )
         self._unit = np.zeros(len(axes))
         self._nominal = 0.0
         self._has_moved = False
         self._seen = np.full(len(axes), nan)
         self.at_rest = True
 
-    def counts(self, segments: Segments) -> Ints:
-        """How many lines each segment becomes."""
-        return chord_counts(segments, self._tolerance)
+    def cut(self, segments: Segments) -> Cut:
+        """How each segment is cut into lines."""
+        chords = chord_counts(segments, self._tolerance)
+        edge = np.zeros(len(chords), np.int64)
+        if (chords > 1).any():
+            edge = edges(segments, chords, self._wanted(segments), self._limits)
+        return Cut(chords, edge)
 
-    def make(self, segments: Segments, counts: Ints) -> Blocks:
-        """The blocks of these segments; `counts` is what `counts()` said of them."""
-        ways = straight_ways(self._somewhere(segments), counts, self._steps)
+    def make(self, segments: Segments, cut: Cut) -> Blocks:
+        """The blocks of these segments; `cut` is what `cut()` said of them."""
+        ways = straight_ways(self._somewhere(segments), cut, self._steps)
         delta, row = ways.delta, ways.row
-        length = np.sqrt(np.einsum("ij,ij->j", delta, delta))
+        length, weight, steady = self._lengths(segments, cut, ways)
         moves = length > NO_WAY_MM
         rests = self._rests(segments, row, ways.first, moves)
+        longest_s = self._longest(delta)
         if not moves.all():
             delta, row, length = delta[:, moves], row[moves], length[moves]
+            weight, steady, longest_s = weight[moves], steady[moves], longest_s[moves]
         if not len(row):
             return no_blocks()
         unit = delta / length
         acceleration, rapid = _by_axis(unit, self._accelerations), _by_axis(unit, self._rates)
         nominal = self._nominal_speeds(segments, row, rapid)
-        limit2 = self._entry_limits(unit, nominal)
+        limit2 = self._entry_limits(unit, nominal, steady)
         pause = np.zeros(len(row))
         if rests is not None:
             limit2[rests] = 0.0
@@ -120,7 +135,19 @@ class BlockMaker:
         if not self._has_moved:
             pause[0] = 0.0
             self._has_moved = True
-        return Blocks(row, length, acceleration, nominal, limit2, self._longest(delta), pause)
+        longest_s[steady] = inf
+        return Blocks(row, length, acceleration, nominal, limit2, longest_s, pause, weight)
+
+    def _lengths(self, segments: Segments, cut: Cut, ways: Ways) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        """Length, weight, and which lines stand for many chords at a steady speed."""
+        length = np.sqrt(np.einsum("ij,ij->j", ways.delta, ways.delta))
+        weight, steady = np.ones(len(length)), np.zeros(len(length), np.bool_)
+        if len(ways.whole):
+            arcs = ways.row[ways.whole]
+            weight[ways.whole] = cut.chords[arcs] - 2 * cut.edge[arcs]
+            length[ways.whole] = weight[ways.whole] * chord_lengths(segments, cut.chords, arcs)
+            steady[ways.whole] = True
+        return length, weight, steady
 
     def _somewhere(self, segments: Segments) -> Segments:
         """Straight ways from where nobody knows reckoned from the place last known, at first the program's zero.
@@ -165,18 +192,22 @@ class BlockMaker:
         self.at_rest = after or bool(number[-1] > (at_moves[-1] if len(at_moves) else 0))
         return rests
 
-    def _nominal_speeds(self, segments: Segments, row: Ints, rapid: Floats) -> Floats:
+    def _wanted(self, segments: Segments) -> Floats:
+        """The speed that each segment asks for, mm/s, whatever the axes can."""
         kind = segments.kind
         feed = np.where(np.isnan(segments.feed), ASSUMED_FEED_MM_MIN, segments.feed) / 60
         # Neither homing nor a probe obeys the overrides.
         wanted = np.where(kind == PROBE, feed, feed * self._feed_override)
         wanted[(kind == RAPID) | (kind == HOMING)] = inf
-        nominal = np.minimum(wanted[row], rapid)
+        return np.maximum(wanted, LOWEST_SPEED_MM_S, out=wanted)
+
+    def _nominal_speeds(self, segments: Segments, row: Ints, rapid: Floats) -> Floats:
+        nominal = np.minimum(self._wanted(segments)[row], rapid)
         if self._rapid_override != 1.0:
-            nominal[(kind == RAPID)[row]] *= self._rapid_override
+            nominal[(segments.kind == RAPID)[row]] *= self._rapid_override
         return np.maximum(nominal, LOWEST_SPEED_MM_S, out=nominal)
 
-    def _entry_limits(self, unit: Floats, nominal: Floats) -> Floats:
+    def _entry_limits(self, unit: Floats, nominal: Floats, steady: NDArray[np.bool_]) -> Floats:
         """v² at most between each block and the one before: by the corner, and by the slower of the two."""
         before = np.concatenate((self._unit[:, None], unit[:, :-1]), axis=1)
         slower = np.minimum(nominal, np.concatenate(([self._nominal], nominal[:-1])))
@@ -188,6 +219,10 @@ class BlockMaker:
         acceleration = _by_axis(turn / turn_length, self._accelerations)
         corner2 = acceleration * self._deviation * half_sine / (1.0 - half_sine)
         corner2 = np.where(cosine > STRAIGHT, inf, np.where(cosine < -STRAIGHT, 0.0, corner2))
+        if steady.any():
+            # No corner within a long arc is slower than its feed: that is why it was drawn together.
+            corner2[steady] = inf
+            corner2[np.flatnonzero(steady) + 1] = inf
         limit2: Floats = np.minimum(corner2, slower * slower)
         return limit2
 

@@ -8,11 +8,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from gcode.chords import Cut
 from gcode.linkfloor import LinkFloor
 from gcode.lookahead import backward_limits, durations, forward_speeds
 from gcode.motion import Motion
 from gcode.planblocks import BlockMaker, no_blocks
-from gcode.segments import DWELL, Floats, Ints, Segments
+from gcode.segments import DWELL, Floats, Segments
 
 PIECE_BLOCKS = 1 << 14
 """Blocks that are worked on at once: few enough for the processor's cache and for the memory of a small machine."""
@@ -48,7 +49,7 @@ class Planner:
         self._floors = np.concatenate((self._floors, floors))
         # What is infinite, or no number, on the way is replaced where it would be used: no warning about it.
         with np.errstate(all="ignore"):
-            final = [self._piece(piece, counts) for piece, counts in self._pieces(segments)]
+            final = [self._piece(piece, cut) for piece, cut in self._pieces(segments)]
         return self._slowed(np.concatenate(final) if final else np.zeros(0))
 
     def flush(self) -> Floats:
@@ -60,19 +61,19 @@ class Planner:
         floors, self._floors = self._floors[: len(seconds)], self._floors[len(seconds) :].copy()
         return self._link.slowed(seconds, floors)
 
-    def _pieces(self, segments: Segments) -> Iterator[tuple[Segments, Ints]]:
+    def _pieces(self, segments: Segments) -> Iterator[tuple[Segments, Cut]]:
         """Cut so that no piece has many more blocks than PIECE_BLOCKS; a long arc is a piece of its own."""
-        counts = self._maker.counts(segments)
-        upto = np.cumsum(counts)
+        cut = self._maker.cut(segments)
+        upto = np.cumsum(cut.lines)
         first = 0
-        while first < len(counts):
+        while first < len(upto):
             before = upto[first - 1] if first else 0
             last = max(int(np.searchsorted(upto, before + PIECE_BLOCKS, "right")), first + 1)
-            yield segments.take(slice(first, last)), counts[first:last]
+            yield segments.take(slice(first, last)), cut.take(slice(first, last))
             first = last
 
-    def _piece(self, segments: Segments, counts: Ints) -> Floats:
-        blocks = self._maker.make(segments, counts)
+    def _piece(self, segments: Segments, cut: Cut) -> Floats:
+        blocks = self._maker.make(segments, cut)
         blocks.row += len(self._seconds)
         self._waiting = self._waiting.then(blocks)
         self._seconds = np.concatenate((self._seconds, _dwells(segments)))
@@ -87,13 +88,14 @@ class Planner:
             # What comes next begins at rest: a stop stands behind the last block.
             nothing = np.zeros(max(ahead, 1))
             limits, energy = np.concatenate((waiting.limit2, nothing)), np.concatenate((energy, nothing))
+            weight = np.concatenate((waiting.weight, np.ones(len(nothing))))
             known = count + 1
         else:
-            limits = waiting.limit2
+            limits, weight = waiting.limit2, waiting.weight
             known = count - max(ahead, 1) + 1
         if known < 2:
             return self._hand_out()
-        allowed2 = backward_limits(limits, energy, ahead)[:known]
+        allowed2 = backward_limits(limits, energy, ahead, weight)[:known]
         allowed2[0] = self._entry2
         entry2 = forward_speeds(allowed2, energy[:known])
         self._close(known - 1, entry2)

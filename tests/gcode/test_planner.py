@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gcode.chords import chord_counts
 from gcode.interpreter import Interpreter
+from gcode.longarcs import FEWEST_CHORDS
 from gcode.motion import Motion
 from gcode.planblocks import STOP_S
 from gcode.planner import Planner, plan
@@ -64,7 +66,10 @@ def still(rows: list[Row]) -> list[Row]:
 @given(programs.map(still), machines)
 def test_as_the_same_model_block_by_block(rows: list[Row], motion: Motion) -> None:
     program = segments(rows)
-    assert plan(program, motion) == pytest.approx(seconds_of(program, motion), rel=1e-9, abs=1e-9)
+    # Chords that are drawn together end on whole steps at their last only (longarcs.py).
+    exact = not motion.steps_per_mm or not (chord_counts(program, motion.arc_tolerance_mm) >= FEWEST_CHORDS).any()
+    close = 1e-9 if exact else 2e-3
+    assert plan(program, motion) == pytest.approx(seconds_of(program, motion), rel=close, abs=close)
 
 
 @quick
