@@ -22,6 +22,7 @@ class Poll:
     mark: int | None = None
     quiet_since: float = 0.0
     rests: int = 0
+    rest_mark: int | None = None
 
     def begin(self, now: float) -> None:
         """Ask as soon as possible."""
@@ -40,6 +41,14 @@ class Poll:
         self.outstanding = False
         self.next_at = now + interval_s
         return mark
+
+    def rested(self, mark: int | None) -> None:
+        """Count Idle reports in a row that prove the same mark."""
+        if mark is None:
+            self.rests = 0
+        else:
+            self.rests = self.rests + 1 if mark == self.rest_mark else 1
+        self.rest_mark = mark
 
     def heard(self, now: float) -> None:
         """Any line came."""

@@ -80,6 +80,15 @@ class Resets(Traffic):
             self._hand.append(Errand(self._lines(asked.lines), request=asked))
         self._due["phase"] = now + self._dialect.answer_timeout_s
 
+    def _attend(self) -> None:
+        """It parses no lines now. What runs in it can be held and reset by hand."""
+        self._phase = Phase.ATTENDING
+        self._due.pop("phase", None)
+        self._window.clear()
+        for errand in self._internal:
+            self._hand.remove(errand)
+        self._announce()
+
     def _read_on(self, now: float) -> None:
         """An answer came while READING: the next question has its own time, the last one ends the handshake."""
         if self._phase is Phase.READING:

@@ -44,6 +44,8 @@ MAX_BY_HAND = 8
 HANDSHAKE_TRIES = 2
 
 STANDING: frozenset[Status] = frozenset({"idle", "alarm", "check", "tool"})
+PARKED: frozenset[Status] = frozenset({"hold", "door", "sleep", "home"})
+"""The main program of the controller is parked: it parses no line (II.4)."""
 BARRED: frozenset[Status] = frozenset({"hold", "door", "alarm", "sleep", "home", "jog", "tool"})
 
 

@@ -22,7 +22,7 @@ from protocol.grbl.phases import STEPS, Phase
 from protocol.grbl.realtime import FEED_HOLD, JOG_CANCEL
 from protocol.grbl.reports import StatusReport
 from protocol.grbl.resets import Resets
-from protocol.grbl.traffic import STANDING
+from protocol.grbl.traffic import PARKED, STANDING
 
 RESTS_OF_A_STAND = 2
 """Idle reports in a row, each asked for when nothing was open, that prove rest where the planner's room does not fit
@@ -108,14 +108,14 @@ class Watching(Resets):
         free, blocks = report.planner_free, self._planner_blocks
         known = free is not None and blocks is not None
         if report.status in ("idle", "check"):
-            self._poll.rests = self._poll.rests + 1 if mark is not None else 0
+            self._poll.rested(mark)
             if known and free == blocks:
                 self._came_to_rest(self._executed.count)
             elif mark is not None and (not known or self._poll.rests >= RESTS_OF_A_STAND):
                 self._came_to_rest(mark)
             self._measure(report, mark)
         else:
-            self._poll.rests = 0
+            self._poll.rested(None)
             if known and free is not None and blocks is not None:
                 self._settle(self._executed.in_planner(max(blocks - free, 0)))
 
@@ -156,9 +156,9 @@ class Watching(Resets):
             if report.status in STANDING:
                 self._read(now)
             else:
-                self._phase = Phase.ATTENDING
-                self._due.pop("phase", None)
-                self._announce()  # what runs in it can be held and reset by hand
+                self._attend()
+        elif self._phase is Phase.READING and report.status in PARKED:
+            self._attend()
         elif self._phase is Phase.LOCKED and report.status != "alarm":
             # It answers again: somebody has reset it at the machine and the banner was lost.
             self._read(now)
