@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterable
 
+from protocol.commands import CheckMode
 from protocol.engine import Frame
 from protocol.events import (
     Alarm,
@@ -249,6 +250,8 @@ class Traffic(ABC):
             self._report(asking.results(asked, self._flavour, self._axes))
             if asked.resets:
                 self._restarting(now)
+            elif isinstance(asked.command, CheckMode):
+                self._status = "check"  # known before the next report: a wish to leave it must not be taken for done
 
     def _report(self, events: Iterable[Event]) -> None:
         for event in events:
