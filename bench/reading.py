@@ -1,66 +1,84 @@
-"""How fast programs are read, checked and planned, beside a plain regular expression over the same lines.
+"""How fast programs are read and checked, beside a plain regular expression over the same file, and beside two readers
+from the npm registry where they are installed.
 
-The expression finds words and does nothing else: no comments, no faults, no numbers. It is the yardstick of this
-computer at this moment, so the ratios can be compared between computers, the lines a second cannot.
+The expression finds words and their numbers and does nothing else: no comments, no faults, no state. It is the
+yardstick of this computer at this moment, so the ratios can be compared between computers, the lines a second cannot.
 """
 
-import re
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
-from bench.programs import part, relief
+from bench.programs import arcs, four_axis, raster, relief
+from bench.reader import KINDS
 from bench.report import Figure, Report
 from bench.wire import batches
-from gcode.check import check_program
-from gcode.motion import Motion
-from gcode.profile import load_profile
-from gcode.words import decode_line, parse_block
 
-TITLE = "reading: lines a second beside a plain regular expression"
+TITLE = "reading: lines a second of processor time, beside a plain regular expression"
 SEED = 13
-WORD = re.compile(r"([A-Za-z])\s*([-+]?[0-9.]+)")
+GOAL_LINES_S = 1_000_000.0
+GOAL_MB = 300.0
+PEERS = ("gcode-interpreter", "gcode-toolpath")
+"""npm packages: words alone, and words with modal state and motion. Found through NODE_PATH or node_modules."""
 
 
-def yardstick(lines: list[bytes]) -> int:
-    """Words found by the expression alone."""
-    return sum(len(WORD.findall(raw.decode())) for raw in lines)
+def _measured(command: list[str]) -> dict[str, Any] | None:
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    return json.loads(ended.stdout) if ended.returncode == 0 else None
 
 
-def read(lines: list[bytes]) -> int:
-    """Words found by the reader."""
-    return sum(len(parse_block(decode_line(raw)).words) for raw in lines)
+def _peer(name: str, path: Path) -> dict[str, Any] | None:
+    node = shutil.which("node")
+    return _measured([node, "bench/peers.mjs", name, str(path)]) if node else None
 
 
-def check(lines: list[bytes]) -> int:
-    """Lines that were checked."""
-    return check_program(lines, load_profile("elvinto"), Motion()).lines
+def compare(path: Path) -> Iterator[Figure]:
+    """One program; processor time, so that neighbours count little."""
+    found = {kind: _measured([sys.executable, "-m", "bench.reader", kind, str(path)]) for kind in KINDS}
+    found |= {name: _peer(name, path) for name in PEERS}
+    yard = found["expression"]
+    assert yard is not None
+    for kind, took in found.items():
+        if took is None:
+            continue
+        goal = GOAL_LINES_S if kind == "check" else None
+        lines_s = took["lines"] / max(took["cpu_s"], 1e-6)
+        yield Figure(kind, lines_s, "lines/s", goal=goal, sense="least", digits=0)
+        if kind != "expression":
+            yield Figure(f"{kind} / expression", yard["cpu_s"] / max(took["cpu_s"], 1e-6), "x as fast", digits=2)
+        if kind in ("check", *PEERS):
+            yield Figure(f"{kind}, peak of memory", took["peak_mb"], "MiB", goal=GOAL_MB if kind == "check" else None)
 
 
-def plan(lines: list[bytes]) -> int:
-    """Blocks that were planned."""
-    return sum(len(batch.blocks) for batch in batches(lines, compact=True))
-
-
-def _cpu_s(work: Callable[[list[bytes]], int], lines: list[bytes]) -> float:
+def planned(lines: int) -> Iterator[Figure]:
+    """Batches for an ElVinto machine, with compaction and the planner's seconds."""
+    program = [line.encode() for line in relief(SEED, lines)]
     began_s = time.process_time()
-    assert work(lines) > 0
-    return time.process_time() - began_s
+    blocks = sum(len(batch.blocks) for batch in batches(program, compact=True))
+    yield Figure("blocks planned into batches", blocks / max(time.process_time() - began_s, 1e-6), "blocks/s", digits=0)
 
 
-def compare(lines: list[bytes]) -> Iterator[Figure]:
-    """One program; processor time, so that neighbours do not count."""
-    yard_s = max(_cpu_s(yardstick, lines), 1e-6)
-    yield Figure("regular expression", len(lines) / yard_s, "lines/s", digits=0)
-    for name, work in (("reader", read), ("check", check), ("planner", plan)):
-        work_s = max(_cpu_s(work, lines), 1e-6)
-        yield Figure(name, len(lines) / work_s, "lines/s", digits=0)
-        yield Figure(f"{name} / regular expression, time", work_s / yard_s, "x", digits=1)
-
-
-def run(*, relief_lines: int = 25_000, features: int = 400) -> Report:
-    """Both kinds of program."""
+def run(*, lines: int = 1_000_000, planned_lines: int = 30_000) -> Report:
+    """Every kind of program."""
     programs = {
-        "fine relief": [line.encode() for line in relief(SEED, relief_lines)],
-        "ordinary part": [line.encode() for line in part(SEED, features)],
+        "relief, modal": relief(SEED, lines, wordy=False),
+        "relief, every word in every line": relief(SEED, lines),
+        "arcs": arcs(SEED, lines),
+        "four axes": four_axis(SEED, lines),
+        "laser raster": raster(SEED, lines),
     }
-    return Report.of(TITLE, [(name, compare(lines)) for name, lines in programs.items()])
+    groups: list[tuple[str, list[Figure]]] = []
+    with tempfile.TemporaryDirectory(prefix="millstream-bench-") as folder:
+        for name, program in programs.items():
+            path = Path(folder) / "program.nc"
+            with path.open("w", encoding="ascii") as file:
+                file.writelines(f"{line}\n" for line in program)
+            groups.append((f"{name}, {lines:,} lines", list(compare(path))))
+    groups.append((f"batches of a relief, {planned_lines:,} lines", list(planned(planned_lines))))
+    return Report.of(TITLE, groups)

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from jobs import journal, store
-from jobs.batch import PlanError
 from jobs.job import Status
 from jobs.program import UnknownProgramError
 from jobs.restart import CannotStartError
 from jobs.store import Row
+from jobs.upcoming import PlanError
 from protocol.commands import Position
 from server.controller import Controller
 from server.dbthread import Db

@@ -10,7 +10,6 @@ from collections.abc import Coroutine, Mapping
 from typing import Any
 
 from jobs import journal, store
-from jobs.batch import PlanError
 from jobs.cursor import Cursor
 from jobs.effects import SetStatus
 from jobs.feed import Feed
@@ -21,6 +20,7 @@ from jobs.program import UnknownProgramError
 from jobs.restart import CannotStartError
 from jobs.runner import Runner
 from jobs.store import Row
+from jobs.upcoming import PlanError
 from server.clock import Clock, stamp
 from server.controller import Controller
 from server.dbthread import Db

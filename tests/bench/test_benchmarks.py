@@ -8,7 +8,8 @@ import pytest
 
 from bench import instant, memory, reading, streaming, toolpath, wire
 from bench.__main__ import NAMES, main
-from bench.programs import as_bytes, relief
+from bench.programs import as_bytes, raster, relief
+from bench.reader import KINDS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -49,11 +50,15 @@ def test_both_writings_of_a_relief_cost_the_same_on_the_wire_when_compact() -> N
     assert wordy[0] == pytest.approx(modal[0], rel=0.02)
 
 
+@pytest.mark.real
 def test_reading() -> None:
-    report = reading.run(relief_lines=100, features=2)
-    for heading, _ in report.groups:
-        for name in ("reader", "check", "planner"):
+    report = reading.run(lines=300, planned_lines=300)
+    assert len(report.groups) == 6
+    for heading, figures in report.groups[:-1]:
+        for name in KINDS:
             assert report.value(heading, name) > 0
+        assert 1 < report.value(heading, "check, peak of memory") < 1000
+        assert len(figures) >= 8
 
 
 def test_toolpath() -> None:
@@ -69,9 +74,11 @@ def test_toolpath() -> None:
     assert report.value("ordinary part", "of them arcs") > 10
 
 
-def test_reader_and_yardstick_see_the_same_words() -> None:
-    lines = [line.encode() for line in relief(2, 300, wordy=False) if not line.startswith(("%", "("))]
-    assert reading.read(lines) == reading.yardstick(lines)
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_reader_reads_the_whole_file(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "program.nc"
+    path.write_text("".join(f"{line}\n" for line in raster(2, 300)), encoding="ascii")
+    assert KINDS[kind](path) == 300
 
 
 @pytest.mark.real

@@ -16,8 +16,8 @@ from gcode.motion import Motion, Position
 from gcode.planner import plan as seconds_of
 from gcode.segments import DWELL, HOMING, Segments
 from gcode.words import Block, decode_line, parse_block
-from jobs.batch import BatchLimits, BatchPlanner, PlanError, PlannedBatch
-from jobs.upcoming import LINES_AT_ONCE
+from jobs.batch import BatchLimits, BatchPlanner, PlannedBatch
+from jobs.upcoming import LINES_AT_ONCE, PlanError
 from protocol.errors import LocalError
 from tests.harness.programs import FITTING_FILES, corpus_files, elvinto, numbered, positions, program_lines, thorough
 

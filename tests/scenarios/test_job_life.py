@@ -57,7 +57,7 @@ def test_a_thousand_pages_of_comments_do_not_keep_the_loop(tmp_path: Path) -> No
         read_on = stream._read_on
         stream._read_on = lambda: (pieces.append(True), read_on())  # type: ignore[method-assign]
         view = await bench.status(job["id"], "completed")
-        assert len(pieces) >= 20
+        assert len(pieces) >= 10
         assert view["progress"]["line"] == 20_005
         await shop.stop()
 
