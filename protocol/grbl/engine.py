@@ -79,6 +79,14 @@ class GrblEngine(Watching):
     def __init__(self, dialect: Dialect, *, first_id: int, now: float, open_work: OpenWork | None = None) -> None:
         super().__init__(dialect, first_id, now, open_work)
         self._decoder = Decoder()
+        self._silences: dict[Phase, Callable[[float], None]] = {
+            Phase.OPENING: self._ask,
+            Phase.ASKING: self._on_nobody,
+            Phase.READING: self._on_reading_silence,
+            Phase.STOPPING: lambda now: self._stopped(now, parked=False),
+            Phase.RESETTING: self._on_no_banner,
+            Phase.RESTARTING: self._on_no_restart,
+        }
         self._handlers: dict[type, Callable[[Any, float], None]] = {
             Ok: lambda _, now: self._on_answer(None, "", now, refused=False),
             Refusal: lambda said, now: self._on_answer(said.code, said.text, now, refused=True),
@@ -141,26 +149,7 @@ class GrblEngine(Watching):
             self._lane.put(realtime.STATUS)
         if now >= self._due.get("phase", now + 1):
             del self._due["phase"]
-            self._on_phase_silence(now)
-
-    def _on_phase_silence(self, now: float) -> None:
-        """What the table says of silence."""
-        match self._phase:
-            case Phase.OPENING:
-                self._ask(now)
-            case Phase.ASKING:
-                self._close("nobody answers to ?: no controller, another baud rate, or an alarm that needs a reset")
-            case Phase.READING:
-                self._on_reading_silence(now)
-            case Phase.STOPPING:
-                self._stopped(now, parked=False)
-            case Phase.RESETTING:
-                self._on_no_banner(now)
-            case Phase.RESTARTING:
-                self._forget("the controller was to reset itself")
-                self._read(now)
-            case _:
-                raise AssertionError(f"{self._phase} has no deadline")
+            self._silences[self._phase](now)
 
     # --- the domain's verbs -------------------------------------------------------------------------------------
 

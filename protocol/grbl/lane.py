@@ -34,8 +34,3 @@ class Lane:
         self._bytes.clear()
         self._tokens = []
         return data, tokens
-
-    @property
-    def asks(self) -> bool:
-        """A status question is among them."""
-        return STATUS in self._bytes

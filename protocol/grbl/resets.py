@@ -69,6 +69,9 @@ class Resets(Traffic):
         self._poll.begin(now)
         self._due["phase"] = now + ASKING_S
 
+    def _on_nobody(self, _: float) -> None:
+        self._close("nobody answers to ?: no controller, another baud rate, or an alarm that needs a reset")
+
     def _read(self, now: float) -> None:
         """Ask for everything that is to be known before lines are taken."""
         self._phase = Phase.READING
@@ -164,6 +167,11 @@ class Resets(Traffic):
         self._lane.put(SOFT_RESET)
         self._due["phase"] = now + self._dialect.reset_wait_s
 
+    def _on_no_restart(self, now: float) -> None:
+        """It was to reset itself and has not said so: everything is read anew all the same."""
+        self._forget("the controller was to reset itself")
+        self._read(now)
+
     def _restarting(self, now: float) -> None:
         self._fail_batches("restart", None, "the controller resets itself")
         self._phase = Phase.RESTARTING
@@ -190,8 +198,6 @@ class Resets(Traffic):
 
     def _on_banner(self, banner: Banner, now: float) -> None:
         """grbl II.4: RX, planner and parser state are gone."""
-        if self._phase is Phase.CLOSED:
-            return
         if banner.flavour == "grblhal":
             self._flavour = "grblhal"
         asked_for = self._phase in (Phase.RESETTING, Phase.RESTARTING)

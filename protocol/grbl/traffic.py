@@ -7,7 +7,7 @@ line without one.
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from protocol.commands import CheckMode
 from protocol.engine import Frame
@@ -47,7 +47,16 @@ HANDSHAKE_TRIES = 2
 STANDING: frozenset[Status] = frozenset({"idle", "alarm", "check", "tool"})
 PARKED: frozenset[Status] = frozenset({"hold", "door", "sleep", "home"})
 """The main program of the controller is parked: it parses no line (II.4)."""
-BARRED: frozenset[Status] = frozenset({"hold", "door", "alarm", "sleep", "home", "jog", "tool"})
+SHUT_BY: Mapping[Status, str] = {
+    "alarm": "alarm",
+    "hold": "held",
+    "door": "held",
+    "tool": "tool",
+    "jog": "jogging",
+    "home": "homing",
+    "sleep": "homing",
+}
+"""The gate that a state shuts."""
 
 
 class Traffic(ABC):
@@ -105,11 +114,6 @@ class Traffic(ABC):
     def _active(self) -> Window:
         """Where lines go now."""
         return self._window if self._by_hand is None else self._by_hand
-
-    @property
-    def _moving_for(self) -> bool:
-        """Lines of a program are inside, or waiting, or not known to be executed."""
-        return bool(self._batches) or not self._executed.empty
 
     def _hold(self, token: int | None = None) -> None:
         self._lane.put(FEED_HOLD, token)
@@ -169,11 +173,11 @@ class Traffic(ABC):
     def _next_entry(self) -> Entry | None:
         """The next line that may go out now."""
         if self._phase not in (Phase.READY, Phase.READING) or self._pendant:
-            return None
+            return None  # gate "pendant"
         errand = next((errand for errand in self._hand if errand.waiting), None)
         if errand is not None:
             if not self._hand_may_go(errand):
-                return None
+                return None  # gate "by hand"
         elif self._gate() is None:
             errand = next((errand for errand in self._batches if errand.waiting), None)
         if errand is None or not self._active.takes(errand.lines[errand.sent]):
@@ -182,17 +186,15 @@ class Traffic(ABC):
 
     def _gate(self) -> str | None:
         """The gate (phases.GATES) that holds lines of programs back, or None."""
-        if self._phase is not Phase.READY:
-            return "homing"
-        if self._held_at is not None or self._status in ("hold", "door"):
-            return "held"
         if self._refused:
             return "refused"
-        if self._status == "tool" or self._by_hand is not None:
+        if self._held_at is not None:
+            return "held"
+        if self._by_hand is not None:
             return "tool"
         if self._jogging:
             return "jogging"
-        return "barred" if self._status in BARRED else None
+        return SHUT_BY.get(self._status) if self._status is not None else None
 
     def _hand_may_go(self, errand: Errand) -> bool:
         asked = errand.request

@@ -827,6 +827,8 @@ class TestByHand:
         scene = ready()
         with pytest.raises(AssertionError):
             scene.engine.submit(FeedHold(1), 0.0)  # type: ignore[arg-type]
+        with pytest.raises(AssertionError):
+            scene.engine.realtime(Locate(1), 0.0)  # type: ignore[arg-type]
 
     @pytest.mark.parametrize(
         ("command", "byte"),

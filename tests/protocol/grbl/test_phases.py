@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from protocol.grbl.phases import OUTCOMES, STEPS, Phase, page
+from protocol.grbl.phases import GATES, OUTCOMES, STEPS, Phase, page
+from protocol.grbl.traffic import SHUT_BY
 
 PAGE = Path(__file__).parents[3] / "docs" / "grbl-phases.md"
 
@@ -35,3 +36,7 @@ def test_every_phase_has_a_step_can_be_reached_and_left() -> None:
 
 def test_answers_count_only_where_lines_are_sent() -> None:
     assert {phase for phase, step in STEPS.items() if step.counts} == {Phase.READING, Phase.READY, Phase.STOPPING}
+
+
+def test_every_gate_that_a_state_shuts_is_in_the_table() -> None:
+    assert set(SHUT_BY.values()) <= set(GATES)
