@@ -50,9 +50,7 @@ class Watching(Resets):
         if report.mpg is not None and report.mpg != self._pendant:
             self._pendant = report.mpg
             self._emit(PendantChanged(report.mpg))
-        if self._held_at is not None and self._poll.asked > self._held_at and report.status not in ("hold", "door"):
-            # The hold was not heeded (Check, Alarm), has ended, or is a jog's end (II.2).
-            self._held_at = None if not self._refused else self._held_at
+        self._watch_hold(report)
         if report.status == "tool" != before:
             self._emit(ToolRequested(self._tool if report.tool is None or self._tool else report.tool))
         if report.status == "idle" and self._by_hand is not None and self._by_hand.empty:
@@ -137,6 +135,16 @@ class Watching(Resets):
             self._window.capacity = max(1, told_bytes - 1)
 
     # --- what waits for a state ---------------------------------------------------------------------------------
+
+    def _watch_hold(self, report: StatusReport) -> None:
+        """A hold that was asked for before this report was asked for. Its byte may have been lost while the EEPROM was
+        written (II.4): once more while it runs or would go on. Else it is over, ignored (Check), or was a jog's end."""
+        if self._held_at is None or self._poll.asked <= self._held_at or report.status in ("hold", "door"):
+            return
+        if report.status == "run" or (report.status == "idle" and self._batches):
+            self._hold()
+        elif not self._refused:
+            self._held_at = None
 
     def _watch_jogs(self, report: StatusReport) -> None:
         """II.7: unanswered jogs in the buffer run after the cancel, as new ones: cancel again while Jog persists."""

@@ -686,6 +686,18 @@ class TestHolds:
         assert scene.sent() == b"~"
         assert b"G1X1F500\n" in scene.poll(RUN)
 
+    def test_a_hold_whose_byte_was_lost_is_asked_for_again(self) -> None:
+        """II.4: incoming bytes may be lost while the EEPROM is written."""
+        scene = ready()
+        scene.batch("G1X1F500")
+        scene.sent()
+        scene.engine.realtime(FeedHold(3), scene.now)
+        assert scene.sent() == b"!"
+        assert scene.poll(RUN) == b"!"
+        scene.say("ok")
+        assert scene.poll(HOLD) == b""
+        assert scene.poll(HOLD) == b""
+
     def test_a_hold_that_was_not_heeded_ends(self) -> None:
         scene = ready()
         scene.poll("<Check|MPos:0,0,0>")
