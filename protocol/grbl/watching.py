@@ -187,14 +187,10 @@ class Watching(Resets):
     def _watch_answers(self, report: StatusReport, now: float) -> None:
         """A line without an answer while nothing moves and the buffer is empty: it, or its answer, was lost."""
         head = self._window.head
-        full = report.rx_free is None or report.rx_free >= self._window.capacity
-        if (
-            head is None
-            or report.status not in ("idle", "check", "alarm")
-            or not full
-            or self._phase is not Phase.READY
-        ):
-            self._progress_at = max(self._progress_at, now if head is None else self._progress_at)
+        waits = report.rx_free is not None and report.rx_free < self._window.capacity  # lines are in its buffer
+        standing = report.status in ("idle", "check", "alarm")
+        if head is None or waits or not standing or self._phase is not Phase.READY:
+            self._progress_at = now
             return
         if now - self._progress_at > self._dialect.answer_timeout_s + head.line.dwell_s:
             self._on_lost_answer(now)

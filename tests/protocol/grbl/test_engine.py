@@ -345,6 +345,15 @@ class TestStreaming:
             scene.poll(IDLE)
         assert scene.take(ProtocolFault) == []
 
+    def test_a_long_motion_is_no_lost_answer(self) -> None:
+        scene = ready()
+        scene.batch("G10L2P1X0")
+        scene.sent()
+        for _ in range(200):
+            scene.poll(RUN)
+        scene.poll(IDLE)
+        assert scene.take(ProtocolFault) == []
+
     def test_lines_that_wait_in_its_buffer_are_not_lost(self) -> None:
         scene = ready()
         scene.batch("M3S1000", "G1X1F500")
