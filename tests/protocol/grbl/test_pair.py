@@ -177,3 +177,44 @@ def test_commands_by_hand(flavour: str) -> None:
         assert type(answer).__name__ == "CommandDone", answer
     assert pair.of("Homed")
     assert pair.of("SettingsRead")[-1].values
+
+
+def tangle(seed: int) -> list[tuple[str, ...]]:
+    """Moves of less than a step, changes of units, distance mode, origin, EEPROM writes, dwells, arcs; the feed makes
+    each line unlike any other. What proves execution must not be fooled by any of them."""
+    random = Random(seed)
+    program: list[tuple[str, ...]] = [("G21G90G94", "G1F2000")]
+    number = 2000
+    for _ in range(random.randint(2, 8)):
+        lines = []
+        for _ in range(random.randint(1, 15)):
+            number += 1
+            block = random.choice(
+                (
+                    f"G1X{random.choice((0, 1, 5, 5.001, 5.004, 7, 20))}Y{random.choice((0, 1, 2))}",
+                    f"G1X{random.choice((0, 5, 5.001, 5.004))}",
+                    f"G91G1X{random.choice((0, 0.001, 0.004, 1, -1))}",
+                    f"G90G0X{random.uniform(0, 30):.3f}",
+                    f"G20G1X{random.choice((0, 0.0001, 0.1))}",
+                    "G21",
+                    f"G92X{random.choice((0, 1))}",
+                    f"G{random.choice((54, 55))}",
+                    f"G10L2P{random.choice((1, 2))}X{random.choice((0, 1))}",
+                    f"M{random.choice((3, 5))}S1000",
+                    f"G90G2X{random.uniform(0, 20):.3f}Y1R50",
+                )
+            )
+            lines.append(f"{block}F{number}" if random.random() < 0.95 else f"G4P0.0{number}")
+        program.append(tuple(lines))
+    return program
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_what_proves_execution_is_not_fooled(seed: int) -> None:
+    random = Random(seed)
+    settings = board(random.choice(FLAVOURS), {10: random.choice((1.0, 3.0))})
+    pair = GrblPair(tangle(seed), settings, seed=seed, on_error="ignore").run(600)
+    assert pair.finished
+    assert not pair.failed
+    pair.verify()
