@@ -76,7 +76,7 @@ def deviation(run: Run) -> float | None:
     """Logarithm of taken / planned, within bounds; None where either says nothing."""
     if not (isfinite(run.planned_s) and isfinite(run.taken_s) and run.planned_s > 0.0 and run.taken_s > 0.0):
         return None
-    return max(-FURTHEST, min(FURTHEST, log(run.taken_s / run.planned_s)))
+    return max(-FURTHEST, min(FURTHEST, log(run.taken_s) - log(run.planned_s)))
 
 
 def _median(weighed: list[tuple[float, float]]) -> float:

@@ -12,7 +12,7 @@ import httpx
 import pytest
 from pydantic import BaseModel
 
-from server.api import create_app, models
+from server.api import create_app, machinemodels, models
 from sim.elvinto.settings import SimSettings
 from tests.harness.asgisocket import AsgiSocket
 from tests.harness.simloop import run_simulated
@@ -100,11 +100,11 @@ def test_from_the_upload_to_the_last_block(tmp_path: Path) -> None:
 def test_everything_that_can_be_read_fits_its_model(tmp_path: Path) -> None:
     async def story(_bench: Bench, client: httpx.AsyncClient) -> None:
         program = await upload(client)
-        exactly(models.MachineView, await get(client, "/api/v1/machines"))
-        exactly(models.MachineView, await get(client, ROUTER))
-        exactly(models.StateView, await get(client, f"{ROUTER}/state"))
-        exactly(models.ConsoleLine, await get(client, f"{ROUTER}/console"))
-        exactly(models.FilesView, await get(client, f"{ROUTER}/sd"))
+        exactly(machinemodels.MachineView, await get(client, "/api/v1/machines"))
+        exactly(machinemodels.MachineView, await get(client, ROUTER))
+        exactly(machinemodels.StateView, await get(client, f"{ROUTER}/state"))
+        exactly(machinemodels.ConsoleLine, await get(client, f"{ROUTER}/console"))
+        exactly(machinemodels.FilesView, await get(client, f"{ROUTER}/sd"))
         exactly(models.ProgramView, await get(client, "/api/v1/programs"))
         exactly(models.SourceView, await get(client, f"/api/v1/programs/{program}/source?from=2&to=4"))
         exactly(models.CheckView, await get(client, f"/api/v1/programs/{program}/check?machine=router"))
@@ -180,7 +180,7 @@ def test_a_repeat_under_the_same_key_is_harmless(tmp_path: Path) -> None:
 def test_by_hand(tmp_path: Path) -> None:
     async def story(bench: Bench, client: httpx.AsyncClient) -> None:
         answer = await client.post(f"{ROUTER}/commands", json={"blocks": ["G90", "G1 X5 F600"]})
-        exactly(models.CommandsResult, answer.json())
+        exactly(machinemodels.CommandsResult, answer.json())
         assert [result["ok"] for result in answer.json()["results"]] == [True, True]
         assert (await client.post(f"{ROUTER}/jog", json={"x": -1, "feed": 600})).status_code == 202
         await asyncio.sleep(5)
@@ -216,7 +216,7 @@ def test_the_websocket_tells_a_job_from_its_beginning_to_its_end(tmp_path: Path)
         shop = bench.shop
         assert shop is not None
         async with AsgiSocket(create_app(shop), query={"topics": "state,job"}) as socket:
-            exactly(models.MachineView, (await socket.hear())["data"]["machines"])
+            exactly(machinemodels.MachineView, (await socket.hear())["data"]["machines"])
             job = await queue(client, await upload(client))
             statuses: list[str] = []
             lines: list[int] = []
@@ -224,7 +224,7 @@ def test_the_websocket_tells_a_job_from_its_beginning_to_its_end(tmp_path: Path)
             while "completed" not in statuses:
                 message = await socket.hear(within_s=60)
                 if message["type"] == "state":
-                    exactly(models.StateView, message["data"])
+                    exactly(machinemodels.StateView, message["data"])
                     states += 1
                     continue
                 exactly(models.JobView, message["data"])
