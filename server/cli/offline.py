@@ -28,7 +28,9 @@ from server.configfile import ConfigError, load_section
 
 CHUNK_BYTES = 64 * 1024
 
-ProfileName = Annotated[str, typer.Option("--profile", "-p", help="The controller, e.g. elvinto.")]
+ProfileName = Annotated[
+    str, typer.Option("--profile", "-p", help="The controller, e.g. elvinto; or your own .toml file.")
+]
 MotionPath = Annotated[Path | None, typer.Option("--motion", help="TOML with a table [motion], as [machine.motion].")]
 BlockDelete = Annotated[bool, typer.Option("--block-delete", help="Leave out blocks that begin with '/'.")]
 ConvertInches = Annotated[bool, typer.Option("--convert-inches", help="Convert G20 programs to mm.")]
@@ -176,8 +178,10 @@ def _print_batches(planner: BatchPlanner, as_json: bool) -> None:
 
 
 def _profile(name: str) -> Profile:
+    """A profile that ships with the package by its name, or one of the user's own by the path of its file."""
+    path = Path(name)
     try:
-        return load_profile(name)
+        return load_profile(path.stem, path.parent) if path.suffix == ".toml" else load_profile(name)
     except ProfileError as error:
         raise CliError(ExitCode.USAGE, safe(error)) from error
 

@@ -185,3 +185,19 @@ def test_a_binary_file_with_a_parameter_in_it_is_no_crash(millstream: Run, file:
     outcome = millstream("check", file, "-p", "elvinto", "--json")
     assert outcome.code == 1
     assert json.loads(outcome.out)["expanded_lines"] is None
+
+
+def test_a_profile_of_the_users_own(millstream: Run, file: Path, tmp_path: Path) -> None:
+    """A controller as elvinto, but with G20 and without G28."""
+    shipped = (resources.files("gcode") / "profiles" / "elvinto.toml").read_text(encoding="utf-8")
+    lines = [line for line in shipped.splitlines() if not line.startswith(("G20 =", "G28 ="))]
+    own = tmp_path / "my-router.toml"
+    own.write_text("\n".join(lines) + '\nG20 = { group = "units" }\n', encoding="utf-8")
+    outcome = millstream("check", file, "--profile", own)
+    assert outcome.code == 1
+    assert "G28 does not exist" in outcome.out
+    missing = millstream("check", file, "--profile", tmp_path / "not-there.toml")
+    assert missing.code == 2
+    assert "not-there" in missing.err
+    own.write_text("name = 5\n", encoding="utf-8")
+    assert millstream("check", file, "--profile", own).code == 2
