@@ -156,9 +156,11 @@ class BlockMaker:
         """
         known_end = ~np.isnan(segments.end)
         unknown = np.isnan(segments.start) & known_end & ~segments.is_arc
-        if not unknown.any() and known_end[:, -1:].all():
-            if len(segments):
-                self._seen = segments.end[:, -1].copy()
+        if not len(segments):
+            return segments
+        if not unknown.any() and (known_end[:, -1] | ~known_end.any(axis=1)).all():
+            # The usual piece: an axis is known at its end, or, not being used, nowhere in it.
+            self._seen = np.where(known_end[:, -1], segments.end[:, -1], self._seen)
             return segments
         ends = np.concatenate((self._seen[:, None], segments.end), axis=1)
         last = np.maximum.accumulate(np.where(np.isnan(ends), 0, np.arange(ends.shape[1])), axis=1)

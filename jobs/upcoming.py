@@ -26,8 +26,8 @@ from gcode.writer import Writer
 from protocol.commands import Position
 from protocol.errors import LocalError
 
-LINES_AT_ONCE = 512
-"""Lines of one go: some four milliseconds, of which three are the same for one line; a pause waits so long at most."""
+LINES_AT_ONCE = 768
+"""Lines of one go: some five milliseconds, of which three are the same for one line; a pause waits so long at most."""
 
 
 class PlanError(LocalError):

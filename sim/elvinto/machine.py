@@ -299,12 +299,12 @@ class VirtualElvinto:
         from_card = command is not None and command.from_card
         for happening in happenings:
             match happening:
-                case BlockStarted(block):
-                    self._note(block)
-                    if not self.settings.instant and self._reports_moves(from_card) and self._executor.moving:
-                        self._reports.moving(self._now)
                 case BlockFinished():
                     pass
+                case BlockStarted():
+                    self._note(happening.block)
+                    if not self.settings.instant and self._reports_moves(from_card) and self._executor.moving:
+                        self._reports.moving(self._now)
                 case Asked(code):
                     self._tell(code)
                     continue

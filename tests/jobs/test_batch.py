@@ -365,11 +365,11 @@ def test_a_fitting_program_is_planned_whole(name: str) -> None:
 
 
 def test_a_long_stretch_without_a_block_is_read_piece_by_piece() -> None:
-    lines = [(n, b"(a page of comments)") for n in range(1, 1201)] + [(1201, b"G1X1F100"), (1202, b"(the end)")]
+    lines = [(n, b"(a page of comments)") for n in range(1, 1601)] + [(1601, b"G1X1F100"), (1602, b"(the end)")]
     reader = BatchPlanner(lines, elvinto(), Motion(), BatchLimits(), position={"x": 0.0})
     pieces = []
     while (batch := reader.next(LINES_AT_ONCE)) is None:
         pieces.append(reader.reading)
     assert pieces == [True, True]
-    assert (batch.first_line, batch.blocks) == (1201, ("G1X1F100",))
+    assert (batch.first_line, batch.blocks) == (1601, ("G1X1F100",))
     assert reader.next(LINES_AT_ONCE) is None
