@@ -31,15 +31,16 @@ class RefusalError(ValueError):
 class Limits:
     """How much a program may make of itself (gcode §1: bounds on loops and recursion).
 
-    `max_lines_out`: plain lines; the longest real jobs have some millions. `max_iterations`: jumps backwards, all
-    loops together. `max_steps`: statements executed, also those that give no line. `max_depth`: subprograms within
+    `max_lines_out`: plain lines; what is written with loops is short, its motion not millions of lines.
+    `max_iterations`: jumps backwards, all loops together. `max_steps`: statements executed, also those that give no
+    line; some minute of work, during which other programs wait for their checks. `max_depth`: subprograms within
     subprograms; LinuxCNC itself ends at 10, Fanuc at 4 to 15. `max_labels`: places that can be jumped to, kept in
     memory at about 100 bytes each.
     """
 
-    max_lines_out: int = 5_000_000
-    max_iterations: int = 2_000_000
-    max_steps: int = 20_000_000
+    max_lines_out: int = 1_000_000
+    max_iterations: int = 200_000
+    max_steps: int = 2_000_000
     max_depth: int = 32
     max_labels: int = 200_000
 

@@ -93,7 +93,7 @@ def _end_repeat(run: Run, link: Link) -> None:
     left = run.frame.counters.get(link.start, 1) - 1
     run.frame.counters[link.start] = left
     if left > 0:
-        run.jump((link.start + 1, 0))
+        run.jump((link.start + 1, 0), counted=True)
 
 
 def _call(run: Run, source: Source, flow: Flow) -> None:

@@ -1,6 +1,7 @@
 """The state of one expansion: where it is, which subprograms are open, what the parameters hold. Not the statements.
 
-The one rule: every way backwards goes through `jump`, which counts it, so that nothing runs for ever.
+The one rule: every way backwards goes through `jump`, which counts it, so that nothing runs for ever; and a jump with
+which nothing has changed since the one before is refused at once, for it would come back for ever.
 """
 
 from collections.abc import Callable, Mapping
@@ -45,27 +46,41 @@ class Run:
     place: Place = (1, 0)
     ended: bool = False
     frames: list[Frame] = field(default_factory=lambda: [Frame("main", (0, 0), (0, 0), (1, 0))])
+    _changes: int = 0
+    _jumped: dict[Place, tuple[int, int, int, dict[int, int]]] = field(default_factory=dict)
 
     @property
     def frame(self) -> Frame:
         """The innermost one."""
         return self.frames[-1]
 
-    def jump(self, place: Place) -> None:
-        """Go on there. Raises RefusalError when that was too often."""
+    def jump(self, place: Place, *, counted: bool = False) -> None:
+        """Go on there; `counted`: a jump that is made so many times and no more. Raises RefusalError for too many."""
         if place <= self.place:
             self.meter.iteration()
+            if not counted:
+                self._refuse_endless()
         self.place = place
+
+    def _refuse_endless(self) -> None:
+        """Conditions hang on parameters and counters alone: with the same of both the same turn follows, always."""
+        frame = self.frame
+        now = self._changes, id(frame), frame.turns, dict(frame.counters)
+        if self._jumped.get(self.place) == now:
+            raise RefusalError("endless", "this loop never ends: nothing that it does changes its condition")
+        self._jumped[self.place] = now
 
     def call(self, frame: Frame) -> None:
         """Begin a subprogram. Raises RefusalError when it is too deep."""
         self.meter.depth(len(self.frames))
         self.frames.append(frame)
+        self._changes += 1
         self.place = frame.start
 
     def leave(self) -> Frame:
         """End the innermost subprogram and go on behind its call."""
         frame = self.frames.pop()
+        self._changes += 1
         self.place = frame.back
         return frame
 
@@ -92,4 +107,5 @@ class Run:
             else:
                 self.parameters.set_number(target, value)
 
+        self._changes += 1
         self.located(source, setting.target.at, store)

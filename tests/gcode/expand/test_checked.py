@@ -59,8 +59,9 @@ def test_a_line_that_came_out_changed_has_no_column() -> None:
         ("G21 G90\nM98 P7\nM30\n", 2, 1, "m98_target"),
         ("G21 G90\nG1 X#<nothing>\n", 2, 5, "undefined_parameter"),
         ("o1 while [1]\nG1 X1\n", 1, 1, "not_closed"),
-        ("#1=1\no1 while [1]\nG0 X1\no1 endwhile\n", 3, 1, "too_many_lines"),
-        ("#1=1\no1 while [1]\no1 endwhile\n", 3, 1, "too_many_iterations"),
+        ("o1 while [1]\nG0 X#1\n#1=[#1+1]\no1 endwhile\n", 2, 1, "too_many_lines"),
+        ("o1 while [1]\n#1=[#1+1]\no1 endwhile\n", 3, 1, "too_many_iterations"),
+        ("#1=1\no1 while [1]\nG0 X1\no1 endwhile\n", 4, 1, "endless"),
     ],
 )
 def test_what_cannot_be_expanded_is_an_error_of_its_place(text: str, line: int, column: int, code: str) -> None:

@@ -56,7 +56,9 @@ def test_lines(program: str, wanted: list[str]) -> None:
         ("X#1 X(open", ("unclosed_comment", 1, 6)),
         ("X[1000000*1000]", ("bad_number", 1, 1)),
         ("o1 sub\no1 call\no1 endsub\no1 call", ("too_deep", 2, 1)),
-        ("o1 while [1]\no1 endwhile", ("too_many_iterations", 2, 1)),
+        ("o1 while [1]\n#1=[#1+1]\no1 endwhile", ("too_many_iterations", 3, 1)),
+        ("o1 while [1]\no2 repeat [2]\nX1\no2 endrepeat\no1 endwhile", ("endless", 5, 1)),
+        ("o1 do\nX1\no1 while [#1 LT 5]", ("endless", 3, 1)),
         ("o1 repeat [99]\nX1\nX2\nX3\no1 endrepeat", ("too_many_lines", 4, 1)),
         ("#<a>=1\nWHILE[1]DO1\nEND1", ("other_dialect", 2, 1)),
         ("N1 X1\n" * 60 + "GOTO 1", ("too_many_labels", 1, 1)),
@@ -128,3 +130,11 @@ def test_any_bytes_give_plain_lines_or_one_error(program: list[bytes], dialect: 
         assert refused.column >= 1
         assert refused.code
         assert refused.message
+
+
+def test_a_loop_that_repeats_itself_is_not_taken_for_an_endless_one() -> None:
+    """The same turn again and again, but counted: by a repeat, by an inner loop, by calls."""
+    twice = "o1 repeat [3]\no2 repeat [2]\nX1\no2 endrepeat\no1 endrepeat"
+    assert [line.text for line in Expander().expand(MemoryProgram(twice.encode().splitlines()))] == ["X1"] * 6
+    called = "o9 sub\no1 repeat [2]\nX1\no1 endrepeat\no9 endsub\no2 repeat [2]\no9 call\no2 endrepeat"
+    assert [line.text for line in Expander().expand(MemoryProgram(called.encode().splitlines()))] == ["X1"] * 4

@@ -96,7 +96,8 @@ def test_refusals(program: str, wanted: tuple[str, int, int]) -> None:
 def test_loops_and_calls_end() -> None:
     small = Limits(max_iterations=50, max_depth=5, max_steps=500, max_lines_out=20)
     assert refusal("DO1\n#1=#1+1\nEND1", limits=small)[0] == "too_many_iterations"
-    assert refusal("N1 GOTO 1", limits=small)[0] == "too_many_iterations"
+    assert refusal("N1 GOTO 1", limits=small)[0] == "endless"
+    assert refusal("N1 #1=#1+1\nGOTO 1", limits=small)[0] == "too_many_iterations"
     assert refusal("M98 P7\nM30\nO7\nM98 P7\nM99", limits=small)[0] == "too_deep"
     assert refusal("M98 P7 L30\nM30\nO7\nX1\nM99", limits=small)[0] == "too_many_lines"
     assert refusal("DO1\n" + "#1=1\n" * 30 + "END1", limits=small)[0] == "too_many_steps"
