@@ -21,7 +21,7 @@ from gcode.motion import Motion
 from gcode.profile import Profile
 from gcode.segments import Segments
 from gcode.state import State
-from jobs.program import ProgramInfo, ProgramStore
+from jobs.program import PIECE_BYTES, ProgramInfo, ProgramStore
 
 EXPANDED_NAME = "{} (expanded)"
 WRITE_BYTES = 65_536
@@ -34,7 +34,7 @@ class TooLargeError(ValueError):
 
 def has_to_be_expanded(programs: ProgramStore, program_id: str) -> bool:
     """Whether a stored program is not plain. Raises UnknownProgramError, OSError."""
-    return needs_expansion(pieces(programs.chunks(program_id)))
+    return needs_expansion(pieces(programs.chunks(program_id), PIECE_BYTES))
 
 
 def check_stored(
@@ -47,7 +47,7 @@ def check_stored(
 ) -> Report:
     """The check of a stored program, expanded where it has to be. Raises UnknownProgramError, OSError."""
     if not has_to_be_expanded(programs, program_id):
-        return check_source(programs.chunks(program_id), profile, motion, **options)
+        return check_source(programs.chunks(program_id), profile, motion, **({"piece_bytes": PIECE_BYTES} | options))
     chunks = programs.chunks(program_id)
     return check_expanded(programs.access(program_id), chunks, profile, motion, limits=limits, **options)
 
@@ -66,7 +66,7 @@ def motion_of(
     Raises ExpandError, UnknownProgramError, OSError, each at any time.
     """
     if not has_to_be_expanded(programs, program_id):
-        yield from segments_of(pieces(programs.chunks(program_id)), profile, state)
+        yield from segments_of(pieces(programs.chunks(program_id), PIECE_BYTES), profile, state)
         return
     expanded = Expander(limits=limits).expand(programs.access(program_id))
     reading = Reading(profile, state)

@@ -26,6 +26,10 @@ LINES_PER_ENTRY = 1024
 
 CHUNK_BYTES = 65_536
 
+PIECE_BYTES = 1 << 18
+"""How much of a stored program is worked on at once: a daemon that runs for a year has less memory to give than a
+command that ends, and the stream beside it waits for shorter pieces of work."""
+
 _PART = ".part"
 _HEADER = struct.Struct("<8sQQ")  # magic, lines, bytes
 _OFFSET = struct.Struct("<Q")

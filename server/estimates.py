@@ -13,7 +13,7 @@ from gcode.measure import Sending, measure
 from gcode.timeline import Timeline
 from jobs import store
 from jobs.experience import RUNS_CONSIDERED, learn
-from jobs.program import ProgramStore, UnknownProgramError
+from jobs.program import PIECE_BYTES, ProgramStore, UnknownProgramError
 from jobs.runner import Runner
 from jobs.store import Row
 from server.dbthread import Db
@@ -63,4 +63,4 @@ class Estimates:
     def _measure(self, piece: Workpiece, program: str, lines: int) -> Timeline:
         """In the worker: the whole program is read once."""
         sending = Sending(piece.encoding, piece.convert_inches, piece.compact, piece.baud)
-        return measure(pieces(self._programs.chunks(program)), piece.profile, piece.motion, lines, sending)
+        return measure(pieces(self._programs.chunks(program), PIECE_BYTES), piece.profile, piece.motion, lines, sending)

@@ -13,7 +13,7 @@ from gcode.check.program import Checker, CheckOptions
 from gcode.check.source import Fingerprint, Gathered, gather, gather_numbered
 from gcode.columns import read_columns
 from gcode.findings import Report
-from gcode.lines import pieces
+from gcode.lines import PIECE_BYTES, pieces
 from gcode.motion import Motion
 from gcode.profile import Profile
 
@@ -28,7 +28,7 @@ def check_source(
     fingerprint = Fingerprint(encoding)
     checker = Checker(profile, motion or Motion(), options)
     line = options.get("first_line", 1)
-    for piece in pieces(fingerprint.through(chunks)):
+    for piece in pieces(fingerprint.through(chunks), options.get("piece_bytes", PIECE_BYTES)):
         columns = read_columns(piece, line, encoding)
         line += columns.lines
         checker.look(columns)

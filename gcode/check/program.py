@@ -38,7 +38,8 @@ class CheckOptions(TypedDict, total=False):
     machine's own (homed, the envelope control on). `block_delete`: lines with `/` are left out. `convert_inches`:
     lengths after G20 are converted, so it is no error. `max_block_bytes`: what the machine takes, where that is not
     what the profile says. `encoding`: of comments. `first_line`: the number of the first line. `baud`: of the link,
-    bit/s. `feed_override`, `rapid_override`: factors for `seconds_overridden`.
+    bit/s. `feed_override`, `rapid_override`: factors for `seconds_overridden`. `piece_bytes`: how much is worked on at
+    once, where not as much as is fastest; memory grows with it.
     """
 
     position: Position | None
@@ -51,6 +52,7 @@ class CheckOptions(TypedDict, total=False):
     baud: int | None
     feed_override: float
     rapid_override: float
+    piece_bytes: int
 
 
 class Checker:

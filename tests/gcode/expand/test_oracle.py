@@ -32,7 +32,10 @@ def canonical(program: str, folder: Path) -> tuple[int, list[str]]:
     assert RS274 is not None
     path = folder / "program.ngc"
     path.write_text(program)
-    done = subprocess.run([RS274, "-g", str(path)], capture_output=True, text=True, timeout=60, cwd=folder, check=False)
+    # It maps a file in its HOME: two that run at once in the same one kill each other (SIGBUS).
+    home = {"HOME": str(folder), "PATH": "/usr/bin:/bin"}
+    command = [RS274, "-g", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=folder, env=home, check=False)
     calls = [match[1] for line in done.stdout.splitlines() if (match := _CALL.fullmatch(line))]
     return done.returncode, [call for call in calls if not call.startswith(_NO_MATTER)]
 
