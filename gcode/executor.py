@@ -69,7 +69,6 @@ class Executor:
         self.coordinate_letters = frozenset((*self.axis_rows, *self._steps))
         self._compensator: Compensator | None = None
         self._tool_at: list[float] | None = None
-        self._payloads = (0.0, 0.0, False)
 
     # --- words ----------------------------------------------------------------------------------------------------
 

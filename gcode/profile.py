@@ -179,7 +179,6 @@ class Profile:
     name: str
     title: str
     axes: tuple[str, ...]
-    rotary_axes: frozenset[str]
     letters: frozenset[str]
     ignored_letters: Mapping[str, str]
     code_letters: frozenset[str]
@@ -245,7 +244,6 @@ def parse_profile(table: Mapping[str, Any]) -> Profile:
         name=table["name"],
         title=table["title"],
         axes=tuple(table["axes"]),
-        rotary_axes=frozenset(table["rotary_axes"]),
         letters=frozenset(letters["accepted"]),
         ignored_letters=dict(letters["ignored"]),
         code_letters=frozenset(letters["codes"]),

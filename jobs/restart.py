@@ -7,6 +7,7 @@ set is said again, and where that cannot be said in a block (an arc or a cycle t
 from collections.abc import Iterable, Iterator
 from itertools import chain
 
+from gcode.entry import names_motion
 from gcode.profile import Profile
 from gcode.state import State
 from gcode.words import Block, Word, code_name, decode_line, parse_block
@@ -71,7 +72,7 @@ def prologue(
     blocks = [] if state.absolute is None else ["G90" if state.absolute else "G91"]
     if state.motion in SAYABLE:
         blocks.append(SAYABLE[state.motion])
-    elif state.motion not in (None, "cancel") and first is not None and not _names_motion(first, profile):
+    elif state.motion not in (None, "cancel") and first is not None and not names_motion(first, profile):
         raise CannotStartError(
             f"This line goes on with {state.motion_name} of a line before it, which cannot be taken up in the middle. "
             "Start at a line that names its own motion (G0, G1, ...)."
@@ -95,8 +96,3 @@ def with_prologue(before: Lines, line: int, blocks: list[str], rest: Lines) -> L
     """The lines of a planner that skips to `line - 1`, under which the prologue goes: when it is done `line` is not,
     and a batch of it alone must not say so. The lines before are numbered 0, for none of them is sent."""
     return chain(((0, raw) for _, raw in before), ((line - 1, block.encode()) for block in blocks), rest)
-
-
-def _names_motion(block: Block, profile: Profile) -> bool:
-    codes = (profile.codes.get(code_name(word.letter, word.text)) for word in block.words if word.letter == "G")
-    return any(code is not None and code.group == "motion" for code in codes)

@@ -183,11 +183,6 @@ def _marked(program: Program, number: int, dialect: Dialect) -> tuple[Source, tu
         return source, ()  # said when, and if, the line is reached
 
 
-class _Builder(Protocol):
-    def add(self, marked: tuple[Source, tuple[object, ...]]) -> None: ...
-    def finish(self) -> None: ...
-
-
 def _open_section(structure: Structure, source: Source, statement: ProgramNumber) -> None:
     if statement.number in structure.sections:
         raise source.error(statement.at, "label_twice", f"O{statement.number} begins a second time")

@@ -60,7 +60,6 @@ def test_a_wrong_effect_is_refused() -> None:
         "name": "x",
         "title": "X",
         "axes": ["x"],
-        "rotary_axes": [],
         "arc_planes": [],
         "max_block_bytes": 80,
         "letters": {"accepted": ["X"], "codes": ["G"], "barrier": [], "ignored": {}},
