@@ -43,6 +43,10 @@ MAX_NUMBER: Final = 1e9
 """Beyond this no sum of coordinates is exact to a micrometre; it also keeps infinity out."""
 
 _WORD = re.compile(r"\s*([A-Za-z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
+_NUMBER = r"([+-]?[0-9]{1,8}(?:\.[0-9]{0,9})?)"
+_PLAIN = re.compile(rf"(G[01])?(?:X{_NUMBER})?(?:Y{_NUMBER})?(?:Z{_NUMBER})?(?:F{_NUMBER})?")
+"""What nearly every block is. Read in one go: a virtual machine is measured by how little it takes."""
+
 _SD_NOISE = re.compile(r"\([^)]*\)|;.*|%|\b[NO]\d+", re.ASCII | re.IGNORECASE)
 
 
@@ -67,6 +71,24 @@ class Words(NamedTuple):
 
 def read_block(text: str) -> Words:
     """Raises BlockError for what is no word, a letter twice, two motions, and a code that does not exist."""
+    plain = _PLAIN.fullmatch(text)
+    if plain is None:
+        return read_words(text)
+    motion, x, y, z, feed = plain.groups()
+    values: dict[str, float] = {}
+    if x is not None:
+        values["X"] = float(x)
+    if y is not None:
+        values["Y"] = float(y)
+    if z is not None:
+        values["Z"] = float(z)
+    if feed is not None:
+        values["F"] = float(feed)
+    return Words((motion,) if motion else (), values)
+
+
+def read_words(text: str) -> Words:
+    """The same for a block of any shape."""
     codes: list[str] = []
     values: dict[str, float] = {}
     # Between two words there is nothing: what the split leaves over there is no word.

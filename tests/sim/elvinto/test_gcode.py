@@ -1,16 +1,19 @@
 """Blocks as this controller reads them."""
 
+from collections.abc import Callable
 from contextlib import suppress
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim.elvinto.gcode import (
     ERR_BAD_WORD,
     ERR_UNKNOWN_CODE,
     BlockError,
+    Words,
     read_block,
+    read_words,
     sd_blocks,
     split_batch,
 )
@@ -85,3 +88,27 @@ def test_nothing_between_two_bars_is_no_block() -> None:
 def test_a_file_on_the_card() -> None:
     content = "%\nO100 (name)\nN10 G1 X1 (there)\r\n; note\nG1X2;end\nM30\n%\n".encode("cp1251")
     assert list(sd_blocks(content, "cp1251")) == ["G1 X1", "G1X2", "M30"]
+
+
+plain = st.builds(
+    "".join,
+    st.lists(
+        st.sampled_from(
+            ["G0", "G1", "G01", "G", "X1", "X-2.5", "X+3.", "X.5", "Y", "Y000012", "Z-0", "F300", "F1e3", " ", "M3"]
+        ),
+        max_size=5,
+    ),
+)
+
+
+@given(st.one_of(plain, plain, st.text("GXYZF0123456789.+- ", max_size=20)))
+@settings(max_examples=500, derandomize=True, deadline=None)
+def test_the_usual_block_is_read_in_one_go_to_the_same_words(text: str) -> None:
+    assert outcome(read_block, text) == outcome(read_words, text)
+
+
+def outcome(read: Callable[[str], Words], text: str) -> Words | int:
+    try:
+        return read(text)
+    except BlockError as error:
+        return error.num
