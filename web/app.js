@@ -245,7 +245,10 @@ function renderJobs() {
   byId("jobs").replaceChildren(...listed.map((job) => {
     const row = element("tr");
     const status = job.error ? `${job.status}: ${job.error.message}` : job.status;
-    for (const text of [job.id, job.program_name ?? job.program, job.machine, status, `${job.progress.line} / ${job.progress.lines}`]) {
+    // The last lines of a program are often a % and nothing else: "1066 of 1067" of a completed job would only puzzle.
+    const { line, lines } = job.progress;
+    const done = job.status === "completed" ? lines : `${line} / ${lines}`;
+    for (const text of [job.id, job.program_name ?? job.program, job.machine, status, done]) {
       row.append(element("td", "", String(text)));
     }
     return row;
