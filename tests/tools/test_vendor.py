@@ -1,0 +1,60 @@
+"""web/vendor/ is exactly what tools/vendor.py pins. Nothing is fetched here."""
+
+import json
+import re
+from dataclasses import replace
+
+import pytest
+
+from tools.vendor import MANIFEST, PARTS, VENDOR, Part, VendorError, licence_name, sha256, vendored
+
+KEPT = {entry["name"]: entry for entry in json.loads((VENDOR / MANIFEST).read_text())}
+HERE = Part("p", "1.0", "a.js", "", "p.js", "MIT", imports=(("q", "q.js"), ("q/r", "r.js")))
+
+
+def pinned(content: bytes) -> Part:
+    return replace(HERE, sha256=sha256(content))
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
+def test_a_kept_file_is_the_pinned_one(part: Part) -> None:
+    entry, content = KEPT[part.name], (VENDOR / part.name).read_bytes()
+    assert (entry["package"], entry["version"], entry["upstream_sha256"]) == (part.package, part.version, part.sha256)
+    assert entry["sha256"] == sha256(content), f"{part.name} was changed by hand: run tools/vendor.py"
+    assert part.version in content.decode().splitlines()[0]
+    assert (VENDOR / licence_name(part)).stat().st_size > 500
+
+
+def test_nothing_else_lies_there() -> None:
+    written = {MANIFEST} | {part.name for part in PARTS} | {licence_name(part) for part in PARTS}
+    declarations = {f"{part.name.removesuffix('.js')}.d.ts" for part in PARTS}  # ours, for the type check
+    assert {path.name for path in VENDOR.iterdir()} - declarations == written
+    assert set(KEPT) == {part.name for part in PARTS}
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
+def test_a_browser_can_load_it_without_the_internet_and_without_an_import_map(part: Part) -> None:
+    text = (VENDOR / part.name).read_text()
+    for target in re.findall(r"""\b(?:from|import)\s*\(?["']([^"']+)["']""", text):
+        assert target.startswith("./"), target
+        assert (VENDOR / target).is_file()
+    assert "sourceMappingURL" not in text
+    assert not re.search(r"\beval\(|new Function|\.innerHTML\s*\+?=\s*[^=!]+<script", text), "the policy forbids it"
+
+
+def test_imports_become_relative_and_the_map_goes() -> None:
+    content = b"""import{a}from"q";import b from 'q/r';import "./own.js"\n//# sourceMappingURL=a.js.map\n"""
+    body = vendored(pinned(content), content).partition(b"\n")[2]
+    assert body == b"""import{a}from"./q.js";import b from "./r.js";import "./own.js"\n"""
+
+
+def test_another_content_is_refused() -> None:
+    content = b"export const a = 1"
+    with pytest.raises(VendorError, match="pinned"):
+        vendored(pinned(content), content + b";")
+
+
+def test_an_import_that_is_not_vendored_is_refused() -> None:
+    content = b'import x from "left-pad"'
+    with pytest.raises(VendorError, match="left-pad"):
+        vendored(pinned(content), content)
