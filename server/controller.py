@@ -10,9 +10,10 @@ from typing import Any
 
 from jobs.job import Status
 from protocol.commands import ClearAlarm, EmergencyStop, ListFiles, RunBlock, RunFile
-from protocol.events import CommandDone, CommandFailed, FilesListed
+from protocol.events import CommandFailed, FilesListed
 from protocol.machine import tool_confirmed
 from server.machine import Machine
+from server.manual import Answer
 from server.problems import ProblemError
 
 ALARM_CLEARED_WITHIN_S = 5.0
@@ -148,7 +149,7 @@ class Controller(Machine):
             raise ProblemError("not_connected", f"{self.name} is {self.link_status}.")
         answer = self.manual.put(ClearAlarm)
         self.pump()
-        _refused(await answer)
+        _done(await answer)
 
     async def run_blocks(self, blocks: list[str]) -> list[dict[str, Any]]:
         """Run blocks one after the other; a result for each that was sent. Raises ProblemError."""
@@ -159,9 +160,9 @@ class Controller(Machine):
         results: list[dict[str, Any]] = []
         for block in blocks:
             answer = self._put_block((block.strip(),))
-            event = await answer
-            if isinstance(event, CommandFailed):
-                error = {"code": event.code, "message": event.message}
+            end = (await answer).end
+            if isinstance(end, CommandFailed):
+                error = {"code": end.code, "message": end.message}
                 return [*results, {"block": block, "ok": False, "error": error}]
             results.append({"block": block, "ok": True, "error": None})
             self.check_by_hand()
@@ -182,10 +183,13 @@ class Controller(Machine):
         self.check_by_hand()
         answer = self.manual.put(ListFiles)
         self.pump()
-        event = await answer
-        _refused(event)
-        assert isinstance(event, FilesListed)
-        return {"card": event.card, "readable": event.readable, "names": list(event.names), "problem": event.problem}
+        listed = _done(await answer).only(FilesListed)
+        return {
+            "card": listed.card,
+            "readable": listed.readable,
+            "names": list(listed.names),
+            "problem": listed.problem,
+        }
 
     async def run_file(self, name: str) -> None:
         """Run a program from the SD card; answers when it has begun. Raises ProblemError."""
@@ -195,14 +199,12 @@ class Controller(Machine):
         self.own_program = name
         self.pump()
         try:
-            _refused(await answer)
+            _done(await answer)
         except ProblemError:
             self.own_program = None
             raise
 
-    def _put_block(
-        self, blocks: tuple[str, ...], *, droppable: bool = False
-    ) -> "asyncio.Future[CommandDone | CommandFailed | FilesListed]":
+    def _put_block(self, blocks: tuple[str, ...], *, droppable: bool = False) -> "asyncio.Future[Answer]":
         answer = self.manual.put(lambda token: RunBlock(token, blocks), droppable=droppable)
         self.pump()
         return answer
@@ -226,10 +228,13 @@ class Controller(Machine):
         self._publish_state()
 
 
-def _refused(event: CommandDone | CommandFailed | FilesListed) -> None:
-    if isinstance(event, CommandFailed):
-        number = "" if event.code is None else f" (code {event.code})"
-        raise ProblemError("command_failed", f"The machine refused it{number}: {event.message}")
+def _done(answer: Answer) -> Answer:
+    """The answer, if the command was done. Raises ProblemError."""
+    end = answer.end
+    if isinstance(end, CommandFailed):
+        number = "" if end.code is None else f" (code {end.code})"
+        raise ProblemError("command_failed", f"The machine refused it{number}: {end.message}")
+    return answer
 
 
 def _number(value: float) -> str:

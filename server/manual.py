@@ -7,25 +7,49 @@ machine, or because the epoch ended, or because an emergency stop swept the queu
 import asyncio
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TypeVar
 
-from protocol.commands import Command
+from protocol.commands import Command, RealtimeCommand
 from protocol.engine import Engine
 from protocol.errors import MessageTooLongError
-from protocol.events import CommandDone, CommandFailed, Event, FilesListed
+from protocol.events import CommandDone, CommandFailed, Event
+from server.link import Link
 from server.problems import ProblemError
 
 QUEUE_LIMIT = 4
 """Commands by hand that wait, so that a held jog does not stop between two steps. More are refused."""
+MAX_EVENTS = 16
+"""Kept of one command: every command brings one or two; an engine that brings more must not fill memory."""
 
 Make = Callable[[int], Command]
+MakeRealtime = Callable[[int], RealtimeCommand]
+E = TypeVar("E", bound=Event)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What came of a command: every event with its token, in order, and the one that ended it."""
+
+    events: tuple[Event, ...]
+    end: CommandDone | CommandFailed
+
+    def only(self, kind: type[E]) -> E:
+        """The event of this kind that a command which was done has brought."""
+        return next(event for event in self.events if isinstance(event, kind))
 
 
 @dataclass(slots=True)
 class _Waiting:
     command: Command
-    future: asyncio.Future[CommandDone | CommandFailed | FilesListed]
+    future: asyncio.Future[Answer]
     droppable: bool
+
+
+@dataclass(slots=True)
+class _Sent:
+    future: asyncio.Future[Answer]
+    events: list[Event] = field(default_factory=list)
 
 
 class Manual:
@@ -36,7 +60,7 @@ class Manual:
         self._loop = loop
         self._token = 0
         self._queue: deque[_Waiting] = deque()
-        self._sent: dict[int, asyncio.Future[CommandDone | CommandFailed | FilesListed]] = {}
+        self._sent: dict[int, _Sent] = {}
 
     @property
     def busy(self) -> bool:
@@ -53,16 +77,26 @@ class Manual:
         self._token += 1
         return self._token
 
-    def put(self, make: Make, *, droppable: bool = False) -> asyncio.Future[CommandDone | CommandFailed | FilesListed]:
-        """Queue a command; the future is the answer. `droppable`: a jog cancel may still take it back."""
+    def put(self, make: Make, *, droppable: bool = False) -> asyncio.Future[Answer]:
+        """Queue a command; the future is the answer. `droppable`: a jog cancel may still take it back. Who cancels the
+        future while the command waits takes it back as well."""
         if len(self._queue) >= QUEUE_LIMIT:
             raise ProblemError("machine_busy", f"{self._machine} still has {len(self._queue)} commands to execute.")
-        future: asyncio.Future[CommandDone | CommandFailed | FilesListed] = self._loop.create_future()
+        future: asyncio.Future[Answer] = self._loop.create_future()
         self._queue.append(_Waiting(make(self.next_token()), future, droppable))
         return future
 
+    def press(self, link: Link, make: MakeRealtime) -> asyncio.Future[Answer]:
+        """Hand over a command of the realtime lane at once, beside whatever waits; the future is the answer."""
+        command = make(self.next_token())
+        sent = self._sent[_token_of(command)] = _Sent(self._loop.create_future())
+        link.realtime(command)
+        return sent.future
+
     def offer(self, engine: Engine, now: float) -> bool:
         """Hand the next command to the engine, if it takes one; whether it did."""
+        while self._queue and self._queue[0].future.cancelled():
+            self._queue.popleft()
         if not self._queue or engine.free() < 1:
             return False
         waiting = self._queue.popleft()
@@ -72,20 +106,20 @@ class Manual:
             # What somebody typed does not fit the wire; nothing was sent, and the next one may.
             _refuse(waiting.future, ProblemError("invalid_request", f"It cannot be sent: {error}."))
             return False
-        self._sent[_token_of(waiting.command)] = waiting.future
+        self._sent[_token_of(waiting.command)] = _Sent(waiting.future)
         return True
 
     def handle(self, event: Event) -> None:
-        """An answer of the engine."""
-        match event:
-            case FilesListed(token=token) if (future := self._sent.get(token)) is not None:
-                _answer(future, event)
-            case CommandDone(token=token) | CommandFailed(token=token):
-                future = self._sent.pop(token, None)
-                if future is not None:
-                    _answer(future, event)
-            case _:
-                pass
+        """An event of the engine; those with a token of ours belong to an answer."""
+        token = getattr(event, "token", None)
+        sent = None if token is None else self._sent.get(token)
+        if sent is None:
+            return
+        if len(sent.events) < MAX_EVENTS:
+            sent.events.append(event)
+        if isinstance(event, CommandDone | CommandFailed):
+            del self._sent[event.token]
+            _answer(sent.future, Answer(tuple(sent.events), event))
 
     def drop_jogs(self) -> None:
         """Take back the jogs that were not handed over yet."""
@@ -108,24 +142,22 @@ class Manual:
         problem = ProblemError("no_answer", f"The link to {self._machine} broke before the answer came.")
         self.sweep(problem)
         sent, self._sent = self._sent, {}
-        for future in sent.values():
-            _refuse(future, problem)
+        for one in sent.values():
+            _refuse(one.future, problem)
 
 
-def _token_of(command: Command) -> int:
+def _token_of(command: Command | RealtimeCommand) -> int:
     token = getattr(command, "token", None)
     assert isinstance(token, int), "a batch of a job is not a command by hand"
     return token
 
 
-def _answer(
-    future: asyncio.Future[CommandDone | CommandFailed | FilesListed], event: CommandDone | CommandFailed | FilesListed
-) -> None:
+def _answer(future: asyncio.Future[Answer], answer: Answer) -> None:
     if not future.done():
-        future.set_result(event)
+        future.set_result(answer)
 
 
-def _refuse(future: asyncio.Future[CommandDone | CommandFailed | FilesListed], problem: ProblemError) -> None:
+def _refuse(future: asyncio.Future[Answer], problem: ProblemError) -> None:
     if future.done():
         return
     future.set_exception(problem)

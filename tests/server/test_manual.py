@@ -4,10 +4,11 @@ import asyncio
 
 import pytest
 
-from protocol.commands import ClearAlarm, ListFiles, RunBlock
+from protocol.commands import ClearAlarm, ListFiles, Override, RunBlock
 from protocol.errors import MessageTooLongError
-from protocol.events import CommandDone, CommandFailed, FilesListed
-from server.manual import QUEUE_LIMIT, Manual
+from protocol.events import CommandDone, CommandFailed, FilesListed, ModalRead
+from server.link import Link
+from server.manual import MAX_EVENTS, QUEUE_LIMIT, Answer, Manual
 from server.problems import ProblemError
 from tests.harness.fakes import ScriptedEngine
 from tests.harness.simloop import run_simulated
@@ -24,25 +25,72 @@ def test_commands_go_out_when_the_engine_is_free_in_order() -> None:
         engine.is_free = True
         assert manual.offer(engine, 0.0)  # type: ignore[arg-type]
         manual.handle(CommandFailed(2, 5, "no"))
-        assert await first == CommandDone(1)
-        assert await second == CommandFailed(2, 5, "no")
+        assert (await first).end == CommandDone(1)
+        assert (await second).end == CommandFailed(2, 5, "no")
         assert engine.taken == [ClearAlarm(1), RunBlock(2, ("G28",))]
         assert not manual.busy
 
     run_simulated(main())
 
 
-def test_a_listing_answers_and_the_end_of_its_command_is_no_second_answer() -> None:
+def test_an_answer_is_everything_up_to_the_end_of_the_command() -> None:
     async def main() -> None:
         manual, engine = Manual("router", asyncio.get_running_loop()), ScriptedEngine()
         answer = manual.put(ListFiles)
         manual.offer(engine, 0.0)  # type: ignore[arg-type]
         listed = FilesListed(1, ("a.nc",), readable=True)
+        manual.handle(ModalRead(None, ("G0",)))  # of the handshake: nobody's
+        manual.handle(ModalRead(7, ("G0",)))  # somebody else's
         manual.handle(listed)
-        assert manual.busy
+        await asyncio.sleep(0)
+        assert (manual.busy, answer.done()) == (True, False)
         manual.handle(CommandDone(1))
-        assert await answer == listed
+        assert await answer == Answer((listed, CommandDone(1)), CommandDone(1))
+        assert (await answer).only(FilesListed) is listed
         assert not manual.busy
+
+    run_simulated(main())
+
+
+def test_an_engine_that_babbles_does_not_fill_memory() -> None:
+    async def main() -> None:
+        manual, engine = Manual("router", asyncio.get_running_loop()), ScriptedEngine()
+        answer = manual.put(ListFiles)
+        manual.offer(engine, 0.0)  # type: ignore[arg-type]
+        for _ in range(MAX_EVENTS * 3):
+            manual.handle(FilesListed(1, ("a.nc",), readable=True))
+        manual.handle(CommandDone(1))
+        assert len((await answer).events) == MAX_EVENTS
+        assert (await answer).end == CommandDone(1)
+
+    run_simulated(main())
+
+
+def test_the_realtime_lane_waits_for_nobody_and_is_answered() -> None:
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        manual, engine = Manual("router", loop), ScriptedEngine()
+        written: list[bytes] = []
+        link = Link(engine, written.append, manual.handle, lambda: False, loop)  # type: ignore[arg-type]
+        engine.is_free = False
+        waits = manual.put(ClearAlarm)
+        pressed = manual.press(link, lambda token: Override(token, "feed", "+10"))
+        assert (written, engine.urgent) == ([b"urgent;"], [Override(2, "feed", "+10")])
+        manual.handle(CommandDone(2))
+        assert (await pressed).end == CommandDone(2)
+        assert not waits.done()
+
+    run_simulated(main())
+
+
+def test_who_gives_up_while_a_command_waits_takes_it_back() -> None:
+    async def main() -> None:
+        manual, engine = Manual("router", asyncio.get_running_loop()), ScriptedEngine()
+        given_up, kept = manual.put(ListFiles), manual.put(ClearAlarm)
+        given_up.cancel()
+        assert manual.offer(engine, 0.0)  # type: ignore[arg-type]
+        assert engine.taken == [ClearAlarm(2)]
+        assert not kept.done()
 
     run_simulated(main())
 
