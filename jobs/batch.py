@@ -25,13 +25,20 @@ Place = tuple[float, ...]
 class BatchLimits:
     """`max_batch_bytes` bounds the joined text `a|b|c`. The seconds are the latency of a pause (elvinto §7).
 
-    `position_tolerance_mm` is how well the machine's own account of its position can be compared (elvinto §5.4).
+    `position_tolerance_mm` is how well the machine's own account of its position can be compared (elvinto §5.4); None:
+    it is no evidence, and a batch may end anywhere. `max_block_bytes`: of one block; None: only those of the batch.
     """
 
     max_batch_bytes: int = 512
     max_batch_blocks: int = 32
     max_batch_seconds: float = 1.0
-    position_tolerance_mm: float = 0.01
+    position_tolerance_mm: float | None = 0.01
+    max_block_bytes: int | None = None
+
+    @property
+    def longest_block_bytes(self) -> int:
+        """What one block may have at most."""
+        return min(self.max_batch_bytes, self.max_block_bytes or self.max_batch_bytes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +47,7 @@ class PlannedBatch:
 
     `seconds` is estimated. `start` and `end` hold the known axes. `barrier`: one block that travels alone.
     `tool_change`: its block has M6; `tool` is then the tool that is wanted, None where the program named none.
-    `motion`: at least one block moves an axis.
+    `motion`: at least one block moves an axis. `lines`: that of each block; empty where they follow one another.
     """
 
     first_line: int
@@ -55,6 +62,11 @@ class PlannedBatch:
     tool: int | None
     motion: bool
     tool_change: bool = False
+    lines: tuple[int, ...] = ()
+
+    def line_of(self, block: int) -> int:
+        """The line of a block, which is counted from 0."""
+        return self.lines[block] if self.lines else self.first_line + block
 
 
 class BatchPlanner:
@@ -80,7 +92,7 @@ class BatchPlanner:
         skip_to: int = 1,
         encoding: str = "utf-8",
     ) -> None:
-        rules = Rules(profile, motion, limits.max_batch_bytes, compact, block_delete, convert_inches, encoding)
+        rules = Rules(profile, motion, limits.longest_block_bytes, compact, block_delete, convert_inches, encoding)
         state = power_on(profile)
         state.absolute = absolute
         state.locate(dict(position or {}))
@@ -171,7 +183,7 @@ class BatchPlanner:
             count -= 1
         elif count < len(ahead) and not ahead[count].barrier:
             count = self._without_still_tail(count)
-        if self._is_told_apart(ahead[count - 1].end):
+        if self._limits.position_tolerance_mm is None or self._is_told_apart(ahead[count - 1].end):
             return count
         return self._earlier(count)
 
@@ -196,7 +208,7 @@ class BatchPlanner:
 
     def _is_told_apart(self, end: Place) -> bool:
         # Two places, each known to within the tolerance, are apart beyond twice of it.
-        apart_mm = 2 * self._limits.position_tolerance_mm
+        apart_mm = 2 * (self._limits.position_tolerance_mm or 0.0)
         starts = (self._before, self._previous_start)
         return all(start is None or _differs(end, start, apart_mm) for start in starts)
 
@@ -207,6 +219,7 @@ class BatchPlanner:
         start, barrier = self._before, first.barrier
         assert start is not None
         self._previous_start, self._before = start, last.end
+        lines = [item.line for item in items]
         return PlannedBatch(
             first_line=first.line,
             last_line=last.line,
@@ -220,6 +233,7 @@ class BatchPlanner:
             tool=first.tool,
             motion=any(item.moves for item in items),
             tool_change=barrier is not None and barrier.tool_change,
+            lines=() if lines == list(range(first.line, first.line + count)) else tuple(lines),
         )
 
     def _position(self, place: Place) -> Position:

@@ -170,4 +170,4 @@ def _body(batch: PlannedBatch) -> str:
 
 def _batch(row: Mapping[str, Any]) -> PlannedBatch:
     body = json.loads(row["body"])
-    return PlannedBatch(**(body | {"blocks": tuple(body["blocks"])}))
+    return PlannedBatch(**(body | {"blocks": tuple(body["blocks"]), "lines": tuple(body.get("lines", ()))}))

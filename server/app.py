@@ -7,17 +7,20 @@ other clocks, wires and databases (`Parts`).
 import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from jobs import journal
 from jobs.program import ProgramStore
 from protocol.elvinto.engine import ElvintoEngine
-from protocol.engine import Engine, OpenWork
+from protocol.grbl.engine import GrblEngine
 from server.clock import Clock, WallClock
 from server.config import Config, MachineConfig
 from server.controller import Controller
 from server.dbthread import Db, DbThread
+from server.elvintoconfig import ElvintoConfig
 from server.estimates import Estimates
+from server.grblconfig import GrblConfig
 from server.hub import Hub
 from server.jobservice import JobService
 from server.machine import EngineFactory
@@ -32,12 +35,11 @@ from server.worker import ThreadWorker, Worker
 
 def engine_factory(config: MachineConfig) -> EngineFactory:
     """The engine of this machine's protocol."""
-    dialect = config.elvinto.dialect()
-
-    def make(*, first_id: int, now: float, open_work: OpenWork | None) -> Engine:
-        return ElvintoEngine(dialect, first_id=first_id, baud=config.baud, now=now, open_work=open_work)
-
-    return make
+    match config.dialect:
+        case ElvintoConfig() as elvinto:
+            return partial(ElvintoEngine, elvinto.dialect(), baud=config.baud)
+        case GrblConfig() as grbl:
+            return partial(GrblEngine, grbl.dialect())
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,7 @@ class Parts:
             clock=WallClock(),
             open_db=lambda path: DbThread(path, asyncio.get_running_loop()),
             worker=ThreadWorker,
-            opener=lambda _config: PortOpener(),
+            opener=lambda config: PortOpener(config.protocol),
         )
 
 

@@ -22,7 +22,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from protocol.errors import MillstreamError
-from server.config import Allowed, Config
+from server.config import Config
+from server.section import Allowed
 
 ENV_PREFIX = "MILLSTREAM_"
 ENV_SEPARATOR = "__"
@@ -180,7 +181,7 @@ def _fault(
             key, value = (*key, *_steps(context["key"])), context["value"]
             advice = f"allowed is {context['allowed']}"
         case "unusable":
-            value, advice = detail["input"], context["advice"]
+            key, value, advice = (*key, *_steps(context["key"])), context["value"], context["advice"]
         case "extra_forbidden":
             value, advice = detail["input"], _no_such_key(model, key)
         case _:

@@ -46,14 +46,14 @@ class Workpiece:
     @classmethod
     def of(cls, config: MachineConfig) -> "Workpiece":
         """From the configuration."""
-        elvinto = config.elvinto
+        dialect = config.dialect
         return cls(
             load_profile(config.profile),
             config.motion.motion(),
-            elvinto.limits(),
-            elvinto.compact,
-            elvinto.convert_inches,
-            elvinto.encoding,
+            dialect.limits(),
+            dialect.compact,
+            dialect.convert_inches,
+            dialect.encoding,
             None if config.port.startswith(RATELESS) else config.baud,
         )
 
@@ -117,7 +117,7 @@ class Planning:
         """The report of the check before a run, as JSON."""
         options = CheckOptions(
             convert_inches=piece.convert_inches,
-            max_block_bytes=piece.limits.max_batch_bytes,
+            max_block_bytes=piece.limits.longest_block_bytes,
             encoding=piece.encoding,
             baud=piece.baud,
         )

@@ -130,7 +130,7 @@ class Recovery:
             )
         if runner is not None and runner.flights:
             return "What became of the last batch is not settled yet. Wait for the machine to be connected."
-        tolerance_mm = controller.config.elvinto.position_tolerance
+        tolerance_mm = controller.config.dialect.position_tolerance
         return _moved(expected, controller.state.position, tolerance_mm)
 
 

@@ -83,9 +83,11 @@ class _TcpStream(_Stream, asyncio.BufferedProtocol):
 
 
 class PortOpener:
-    """Opens whatever a URL names. One for each machine: a built-in virtual machine outlives its connections."""
+    """Opens whatever a URL names. One for each machine, of its protocol: a built-in virtual machine outlives its
+    connections."""
 
-    def __init__(self) -> None:
+    def __init__(self, protocol: str) -> None:
+        self._protocol = protocol
         self._simulated: dict[str, Any] = {}
 
     async def __call__(self, url: str, baud: int, on_data: OnData, on_lost: OnLost) -> Port:
@@ -97,13 +99,15 @@ class PortOpener:
         return await _open_device(url, baud, on_data, on_lost)
 
     async def _open_simulated(self, query: str, on_data: OnData) -> Port:
-        from sim.elvinto.machine import VirtualElvinto
-        from sim.options import options_from_query
+        from sim.kinds import build
+        from sim.options import READERS
         from sim.shell import open_memory
 
-        options = options_from_query(query)
-        now = asyncio.get_running_loop().time()
-        machine = self._simulated.setdefault(query, VirtualElvinto(options.settings, now=now))
+        options = READERS[self._protocol](query)
+        machine = self._simulated.get(query)
+        if machine is None:
+            now = asyncio.get_running_loop().time()
+            machine = self._simulated[query] = build(options.settings, now=now)
         return await open_memory(machine, on_data, faults=options.faults, seed=options.seed, baud=options.baud)
 
 

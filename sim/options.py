@@ -86,6 +86,13 @@ def grbl_options_from_query(query: str) -> SimOptions[GrblSettings]:
     return _GRBL.read(query)
 
 
+READERS: Mapping[str, Callable[[str], SimOptions[Any]]] = {
+    "elvinto": options_from_query,
+    "grbl": grbl_options_from_query,
+}
+"""By the protocol that a virtual machine speaks."""
+
+
 def settings_from_query(query: str) -> SimSettings:
     """The settings of an ElVinto machine alone; a query with faults in it is fine. Raises ValueError."""
     return options_from_query(query).settings

@@ -23,8 +23,9 @@ from jobs.expansion import check_stored, store_expanded
 from jobs.program import NotAProgramError, ProgramInfo, ProgramStore
 from jobs.upcoming import PlanError
 from server.cli.common import CliError, ExitCode, Json, ProgramFile, safe, say, say_json, warn
-from server.config import ElvintoConfig, MotionFile
+from server.config import MotionFile
 from server.configfile import ConfigError, load_section
+from server.elvintoconfig import ElvintoConfig
 
 CHUNK_BYTES = 64 * 1024
 

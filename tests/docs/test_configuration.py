@@ -8,8 +8,11 @@ import pytest
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from server.config import DEFAULT_DATA_DIR, ElvintoConfig, MachineConfig, MotionConfig, ServerConfig
+from server.config import DEFAULT_DATA_DIR, MachineConfig, ServerConfig
 from server.configfile import describe
+from server.elvintoconfig import ElvintoConfig
+from server.grblconfig import GrblConfig
+from server.motionconfig import MotionConfig
 from sim.faults import FaultRates
 from sim.options import GRBL_KEYS, KEYS, grbl_options_from_query, options_from_query
 from tests.harness.docs import page, rows, section
@@ -18,6 +21,7 @@ SECTIONS: list[tuple[str, type[BaseModel]]] = [
     ("## `[server]`", ServerConfig),
     ("## `[[machine]]`", MachineConfig),
     ("## `[machine.elvinto]`", ElvintoConfig),
+    ("## `[machine.grbl]`", GrblConfig),
 ]
 
 

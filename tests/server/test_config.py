@@ -11,7 +11,11 @@ from pydantic import BaseModel, ValidationError
 from gcode.motion import Motion
 from jobs.batch import BatchLimits
 from protocol.elvinto.dialect import Dialect
-from server.config import PROTOCOLS, Config, ElvintoConfig, MachineConfig, MotionConfig, ServerConfig
+from protocol.grbl.dialect import Dialect as GrblDialect
+from server.config import PROTOCOLS, Config, MachineConfig, ServerConfig
+from server.elvintoconfig import ElvintoConfig
+from server.grblconfig import GrblConfig
+from server.motionconfig import MotionConfig
 
 EXAMPLE = Path(__file__).parents[2] / "config.example.toml"
 
@@ -38,8 +42,19 @@ def test_example_is_the_defaults() -> None:
 
 def test_example_has_every_key() -> None:
     data = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
-    missing = missing_keys(Config.model_validate(data), data)
+    data["machine"][0]["grbl"] = GrblConfig().model_dump()  # of another protocol: the next test
+    missing = missing_keys(Config.model_validate(tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))), data)
     assert missing == ["machine[0].motion.travel", "machine[0].motion.steps_per_mm"]
+
+
+def test_example_shows_a_grbl_machine_that_loads_when_uncommented() -> None:
+    example = EXAMPLE.read_text(encoding="utf-8").partition('# Take the "#" away:')[2]
+    data = tomllib.loads("\n".join(line.removeprefix("#").strip() for line in example.splitlines()))
+    config = Config.model_validate(data)
+    assert config.machine == (MachineConfig(name="mill", protocol="grbl", port="/dev/ttyACM0"),)
+    assert set(data["machine"][0]["grbl"]) == set(GrblConfig.model_fields)
+    assert GrblConfig().dialect() == GrblDialect()
+    assert GrblConfig(firmware="grblhal").dialect() == GrblDialect(line_chars=255)
 
 
 def test_example_shows_travel_and_steps_in_lines_that_load_when_uncommented() -> None:
@@ -160,7 +175,7 @@ def test_largest_batch_fits_a_message_even_as_base64() -> None:
 
 
 def test_every_protocol_has_its_section_in_the_model() -> None:
-    assert {entry.section for entry in PROTOCOLS.values()} <= set(MachineConfig.model_fields)
+    assert set(PROTOCOLS.values()) <= set(MachineConfig.model_fields)
 
 
 def test_machine_knows_its_profile() -> None:

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.config import Config, MotionConfig
+from server.config import Config
 from server.configfile import ConfigError, load, load_section
+from server.motionconfig import MotionConfig
 
 MACHINE = '[[machine]]\nname = "mill-1"\nport = "/dev/ttyUSB0"\n'
 
@@ -73,7 +74,7 @@ def test_values_are_read(file: Path) -> None:
         ),
         (
             MACHINE + 'protocol = "smoke"\n',
-            'FILE: machine[0].protocol (machine "mill-1") = "smoke": allowed is "elvinto"',
+            'FILE: machine[0].protocol (machine "mill-1") = "smoke": allowed is "elvinto" or "grbl"',
         ),
         (
             MACHINE + "[machine.motion]\nmax_rate = { x = 0 }\n",

@@ -47,7 +47,7 @@ def test_a_device_carries_bytes_both_ways() -> None:
     async def main() -> None:
         with pseudo_terminal() as (ours, name):
             ends = Ends()
-            port = await PortOpener()(name, 115200, ends.data.extend, ends.lost.append)
+            port = await PortOpener("elvinto")(name, 115200, ends.data.extend, ends.lost.append)
             port.write(b"INIT;")
             assert os.read(ours, 100) == b"INIT;"
             os.write(ours, b"READY;")
@@ -63,9 +63,9 @@ def test_a_device_is_ours_alone() -> None:
     async def main() -> None:
         with pseudo_terminal() as (_ours, name):
             ends = Ends()
-            port = await PortOpener()(name, 115200, ends.data.extend, ends.lost.append)
+            port = await PortOpener("elvinto")(name, 115200, ends.data.extend, ends.lost.append)
             with pytest.raises(OSError, match="lock"):
-                await PortOpener()(name, 115200, ends.data.extend, ends.lost.append)
+                await PortOpener("elvinto")(name, 115200, ends.data.extend, ends.lost.append)
             port.close()
             await asyncio.sleep(0)
 
@@ -76,7 +76,7 @@ def test_a_device_that_goes_away_is_lost_once() -> None:
     async def main() -> None:
         ends = Ends()
         with pseudo_terminal() as (_ours, name):
-            port = await PortOpener()(name, 115200, ends.data.extend, ends.lost.append)
+            port = await PortOpener("elvinto")(name, 115200, ends.data.extend, ends.lost.append)
         await ends.until(lambda: bool(ends.lost))
         port.write(b"nobody hears this")
         port.close()
@@ -89,7 +89,7 @@ def test_a_device_that_goes_away_is_lost_once() -> None:
 def test_a_device_that_is_not_there() -> None:
     async def main() -> None:
         with pytest.raises(OSError, match="no-such-device"):
-            await PortOpener()("/dev/no-such-device", 115200, lambda _data: None, lambda _reason: None)
+            await PortOpener("elvinto")("/dev/no-such-device", 115200, lambda _data: None, lambda _reason: None)
 
     asyncio.run(main())
 
@@ -107,14 +107,14 @@ def test_a_network_port_carries_bytes_both_ways_and_its_loss_is_told() -> None:
         server = await asyncio.start_server(serve, "127.0.0.1", 0)
         number = server.sockets[0].getsockname()[1]
         ends = Ends()
-        port = await PortOpener()(f"tcp://127.0.0.1:{number}", 0, ends.data.extend, ends.lost.append)
+        port = await PortOpener("elvinto")(f"tcp://127.0.0.1:{number}", 0, ends.data.extend, ends.lost.append)
         port.write(b"INIT;")
         await ends.until(lambda: bool(ends.lost))
         assert (bytes(heard), bytes(ends.data), len(ends.lost)) == (b"INIT;", b"READY;", 1)
         port.close()
         server.close()
         with pytest.raises(ConnectionRefusedError):
-            await PortOpener()(f"tcp://127.0.0.1:{number}", 0, ends.data.extend, ends.lost.append)
+            await PortOpener("elvinto")(f"tcp://127.0.0.1:{number}", 0, ends.data.extend, ends.lost.append)
 
     asyncio.run(main())
 
@@ -139,7 +139,7 @@ def test_what_comes_piece_by_piece_is_handed_on_piece_by_piece_and_stays_as_it_w
         async with network_port() as (url, others):
             pieces: list[bytes] = []
             ends = Ends()
-            port = await PortOpener()(url, 0, pieces.append, ends.lost.append)
+            port = await PortOpener("elvinto")(url, 0, pieces.append, ends.lost.append)
             other = await others.get()
             sent = [b"CRC16,VALUE<#1", b"5;REC", b"E", b"IVED,ID<#7;"]
             for count, piece in enumerate(sent, 1):
@@ -158,7 +158,7 @@ def test_a_burst_of_more_than_the_buffer_holds_comes_whole_and_in_order() -> Non
             pieces: list[bytes] = []
             ends = Ends()
             burst = Random(7).randbytes(5 * READ_BYTES + 123)
-            port = await PortOpener()(url, 0, pieces.append, ends.lost.append)
+            port = await PortOpener("elvinto")(url, 0, pieces.append, ends.lost.append)
             other = await others.get()
             other.write(burst)
             await ends.until(lambda: sum(map(len, pieces)) >= len(burst))
@@ -180,7 +180,7 @@ def test_a_port_that_is_closed_in_the_middle_of_a_burst_hands_on_nothing_more() 
                 pieces.append(data)
                 port.close()
 
-            port = await PortOpener()(url, 0, close_at_once, ends.lost.append)
+            port = await PortOpener("elvinto")(url, 0, close_at_once, ends.lost.append)
             other = await others.get()
             other.write(bytes(3 * READ_BYTES))
             await ends.until(lambda: bool(pieces))
@@ -210,7 +210,7 @@ def test_what_still_waits_to_go_out_when_a_network_port_is_closed_does_not_go_ou
         server = await asyncio.start_server(serve, "127.0.0.1", 0)
         ends = Ends()
         url = f"tcp://127.0.0.1:{server.sockets[0].getsockname()[1]}"
-        port = await PortOpener()(url, 0, ends.data.extend, ends.lost.append)
+        port = await PortOpener("elvinto")(url, 0, ends.data.extend, ends.lost.append)
         port.write(bytes(MORE_THAN_THE_KERNEL_HOLDS))
         port.close()
         read_on.set()
@@ -226,7 +226,7 @@ def test_a_network_port_that_is_cut_off_in_the_middle_of_a_message_is_lost_once(
     async def main() -> None:
         async with network_port() as (url, others):
             ends = Ends()
-            port = await PortOpener()(url, 0, ends.data.extend, ends.lost.append)
+            port = await PortOpener("elvinto")(url, 0, ends.data.extend, ends.lost.append)
             other = await others.get()
             other.write(b"RECEIVED,I")
             await ends.until(lambda: len(ends.data) == 10)
@@ -243,14 +243,14 @@ def test_a_network_port_that_is_cut_off_in_the_middle_of_a_message_is_lost_once(
 def test_an_address_without_host_or_port(url: str) -> None:
     async def main() -> None:
         with pytest.raises(OSError, match="tcp://host:port"):
-            await PortOpener()(url, 0, lambda _data: None, lambda _reason: None)
+            await PortOpener("elvinto")(url, 0, lambda _data: None, lambda _reason: None)
 
     asyncio.run(main())
 
 
 def test_the_built_in_machine_outlives_its_connections() -> None:
     async def main() -> None:
-        opener, ends = PortOpener(), Ends()
+        opener, ends = PortOpener("elvinto"), Ends()
         for _ in range(2):
             port = await opener("sim:?boot_s=0", 115200, ends.data.extend, ends.lost.append)
             port.close()
