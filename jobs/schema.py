@@ -104,6 +104,18 @@ def m008_pace(db: Database) -> None:
     db.execute("create index jobs_completed on jobs (machine, id) where status = 'completed'")
 
 
+@migrations()
+def m009_settings_backups(db: Database) -> None:
+    """What a controller had stored before somebody changed it (jobs/backups.py). `content` is JSON, `made_by` the name
+    of who changed it."""
+    db.execute("""
+        create table settings_backups (
+            id integer primary key autoincrement, machine text not null, at text not null, why text not null,
+            made_by text not null, firmware text not null, settings integer not null, content text not null)
+    """)
+    db.execute("create index settings_backups_by_machine on settings_backups (machine, id)")
+
+
 def prepare(db: Database) -> None:
     """Set the connection up and bring the tables to the newest state."""
     db.execute("pragma journal_mode = wal")
