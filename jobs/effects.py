@@ -10,6 +10,7 @@ from enum import StrEnum
 from typing import Any
 
 from jobs.batch import PlannedBatch
+from jobs.delivery import Policy
 from jobs.job import JobError, Status
 from protocol.commands import Position, SendBatch
 
@@ -20,7 +21,7 @@ class RowStatus(StrEnum):
     PLANNED = "planned"
     """Open: it may be on the wire, it may have been executed. Every other status is a durable end."""
     UNSENT = "unsent"
-    """Its bytes never went out."""
+    """Its bytes never went out, or the machine has dropped them unread."""
     OK = "ok"
     FAILED = "failed"
     """It did not run to its end; its lines are in doubt."""
@@ -39,7 +40,7 @@ class Entry:
     wire_id: int
     batch: PlannedBatch
 
-    def command(self) -> SendBatch:
+    def command(self, policy: Policy = Policy()) -> SendBatch:  # noqa: B008 - frozen
         """What the engine is given for it, today and after a crash: always the same bytes."""
         batch = self.batch
         return SendBatch(
@@ -49,6 +50,8 @@ class Entry:
             end=batch.end,
             locate_after=batch.locate_after,
             ends_program=batch.ends_program,
+            on_error=policy.on_error,
+            ignored_errors=policy.ignored_errors,
         )
 
 

@@ -25,14 +25,14 @@ class Flight:
 
 @dataclass(slots=True)
 class Ledger:
-    """`position` is where the machine stood after the last batch that is done. `inherited_doubt`: the lines that were
-    in doubt, for good, before this process began."""
+    """`position` is where the machine stood after the last batch that is done. `doubtful`: lines, from and to.
+    `inherited_doubt`: the lines that were in doubt, for good, before this process began."""
 
     cursor: Cursor = field(default_factory=Cursor)
     position: Position = field(default_factory=dict)
     seconds_done: float = 0.0
     open: list[Flight] = field(default_factory=list)
-    doubtful: list[Flight] = field(default_factory=list)
+    doubtful: list[tuple[int, int]] = field(default_factory=list)
     inherited_doubt: tuple[int, int] | None = None
 
     def flight(self, id: int) -> Flight | None:
@@ -41,13 +41,16 @@ class Ledger:
 
     def lines_in_doubt(self) -> tuple[int | None, int | None]:
         """From the first to the last line that may have been executed wholly, partly or not at all."""
-        batches = [flight.entry.batch for flight in self.doubtful + self.open]
-        spans = [(batch.first_line, batch.last_line) for batch in batches]
+        spans = [*self.doubtful, *((batch.first_line, batch.last_line) for batch in self._open_batches)]
         if self.inherited_doubt is not None:
             spans.append(self.inherited_doubt)
         if not spans:
             return None, None
         return min(first for first, _ in spans), max(last for _, last in spans)
+
+    @property
+    def _open_batches(self) -> list[PlannedBatch]:
+        return [flight.entry.batch for flight in self.open]
 
     def inherit_doubt(self, line_from: int | None, line_to: int | None) -> None:
         """Lines that were in doubt before; those of rows that are still open may yet be settled."""
@@ -85,9 +88,21 @@ class Ledger:
         marks = []
         for flight in tuple(flights):
             self.open.remove(flight)
-            self.doubtful.append(flight)
+            self.doubtful.append((flight.entry.batch.first_line, flight.entry.batch.last_line))
             marks.append(self._mark(flight, status))
         return marks
+
+    def failed(self, flight: Flight, lines_done: int | None, lines_touched: int | None) -> MarkBatch:
+        """It did not run to its end. Its first `lines_done` blocks are done, and those from `lines_touched` on are not,
+        where that is known (protocol.events.BatchFailed); what lies between is in doubt."""
+        batch, done = flight.entry.batch, lines_done or 0
+        touched = len(batch.blocks) if lines_touched is None else lines_touched
+        self.open.remove(flight)
+        if done:
+            self.cursor = self.cursor.was_done(batch.line_of(done - 1))
+        if touched > done:
+            self.doubtful.append((batch.line_of(done), batch.line_of(touched - 1)))
+        return self._mark(flight, RowStatus.FAILED if touched else RowStatus.UNSENT)
 
     def undo(self) -> tuple[list[MarkBatch], list[PlannedBatch]]:
         """Whatever is open never arrived: the marks, and the batches to be sent again, in order."""

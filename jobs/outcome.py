@@ -4,10 +4,11 @@ Not when it stops, nor which cause outweighs which: that is runner.py. The one r
 have by what the machine or the link did stands here.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
-from jobs.job import Status
+from jobs.job import JobError, Status
 from protocol.events import BatchFailed
 
 
@@ -25,6 +26,31 @@ MACHINE_GONE = Outcome(
 )
 ESTOP_DEMANDED = Outcome(Status.FAILED, "estop", "The emergency stop was demanded.")
 CANCELLED_UNASKED = Outcome(Status.CANCELLED, "cancelled_in_doubt", "Cancelled while the machine could not be asked.")
+STOPPED_IN_THE_MIDDLE = Outcome(
+    Status.CANCELLED, "cancelled_in_doubt", "Stopped in the middle of these lines: they may be executed in part."
+)
+MACHINE_RESET = Outcome(
+    Status.INTERRUPTED,
+    "machine_reset",
+    "The controller was reset in the middle of the job and has forgotten its modes.",
+)
+LOST_WITH_LINES_INSIDE = Outcome(
+    Status.INTERRUPTED,
+    "in_doubt",
+    "The link broke while lines were in the controller, which cannot tell afterwards what it has executed.",
+)
+
+
+def held_for(said: str, inside: Sequence[int]) -> JobError:
+    """A line was refused and the machine is held; `inside`: the lines that it has already and goes on with."""
+    span = (min(inside), max(inside)) if inside else (None, None)
+    goes_on = f"goes on with lines {span[0]} to {span[1]}, which it has already" if inside else "goes on behind it"
+    return JobError("line_refused", f"{said}. The machine is held; resume {goes_on}, cancel ends the job.", *span)
+
+
+def lines_refused(count: int, first: str) -> Outcome:
+    """The end of a check in which lines were refused."""
+    return Outcome(Status.FAILED, "lines_refused", f"The controller refused {count} of the lines. {first}")
 
 
 def alarm(message: str) -> Outcome:
@@ -32,8 +58,8 @@ def alarm(message: str) -> Outcome:
     return Outcome(Status.FAILED, "alarm", f"The machine is in alarm. {message}".strip())
 
 
-def failure(event: BatchFailed) -> Outcome | None:
-    """A batch was not executed to its end. None: whoever caused that says what it means for the job."""
+def failure(event: BatchFailed) -> Outcome:
+    """A batch was not executed to its end, though nobody has cancelled the job."""
     match event.reason:
         case "restart":
             return MACHINE_GONE
@@ -46,8 +72,10 @@ def failure(event: BatchFailed) -> Outcome | None:
             return alarm(event.message)
         case "estop":
             return Outcome(Status.FAILED, "estop", event.message or "The emergency stop was pressed.")
-        case "stop" | "link":
-            return None
+        case "stop":
+            return MACHINE_RESET
+        case "link":
+            return in_doubt(event.message)
         case _:
             assert_never(event.reason)
 

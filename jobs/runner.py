@@ -1,28 +1,29 @@
 """A job under way: events of the engine and wishes of people in, effects out. Pure: no clock, no wire, no database.
 
-One batch is in flight, one more is planned and journaled while it executes. The one rule: nothing is submitted whose
-row is not durable under exactly the ID that goes on the wire (elvinto §5.1).
+As many batches are in flight as the machine's delivery is deep, one more is planned and journaled while they execute.
+The one rule: nothing is submitted whose row is not durable under exactly the ID that goes on the wire (elvinto §5.1).
 
-Why at most two rows are open (elvinto §5.4.3). The journal's writer is a FIFO. Let *n* be a row.
+Why with a depth of one at most two rows are open (elvinto §5.4.3). The journal's writer is a FIFO. Let *n* be a row.
 `Journal(n+2)` is emitted only after `Mark(n, ok)`: a row is planned when the one ahead of it was submitted, that
 needed the end of the row in flight, and the end was emitted as a mark before. `Submit(n+2)` needs `Journal(n+2)`
 durable, so by the FIFO `Mark(n, ok)` is durable too. Whenever the process dies, the rows without a durable end are
 therefore among two neighbours: one that may be executed, and one journaled ahead that may or may not have been sent.
-The engine finds out by the machine's ID memory and by the position (elvinto §5.4).
+The engine finds out by the machine's ID memory and by the position (elvinto §5.4). A machine without a memory (Grbl) is
+given more at once, and of what is open after a break nothing can be found out.
 """
 
-import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 from jobs import outcome
-from jobs.effects import Effect, Entry, JournalBatch, Note, RowStatus, SetHold, SetStatus, Submit
-from jobs.feed import Ahead, BatchSource, Feed
-from jobs.flight import Adopted, Inheritance, LinkSide, Wishes
+from jobs.delivery import STANDING
+from jobs.effects import Effect, Entry, JournalBatch, RowStatus, SetHold, Submit
+from jobs.feed import Ahead, BatchSource
+from jobs.flight import Adopted, LinkSide, Wishes
 from jobs.job import ENDED, JobError, Status
-from jobs.ledger import Flight, Ledger
+from jobs.ledger import Flight
 from jobs.outcome import CANCELLED_UNASKED, ESTOP_DEMANDED, MACHINE_GONE, Outcome
+from jobs.runstate import RunState
 from protocol.commands import Position
 from protocol.events import (
     BatchDone,
@@ -33,27 +34,17 @@ from protocol.events import (
     FateInDoubt,
     FateSettled,
     FateUnknown,
+    LineRefused,
     LinkReady,
     MachineRestarted,
     StateReported,
+    ToolRequested,
 )
 
 
 @dataclass(slots=True)
-class Runner:
-    """One job. `feed` yields what comes after the open rows; times in `now` are the engine's clock in seconds."""
-
-    job_id: int
-    resume_within_s: float
-    feed: Feed
-    ledger: Ledger = field(default_factory=Ledger)
-    announced: Status = Status.CHECKING
-    restarted: bool = False
-    _wishes: Wishes = field(default_factory=Wishes)
-    _link: LinkSide = field(default_factory=LinkSide)
-    _outcome: Outcome | None = None
-    _told: tuple[Any, ...] = ()
-    _effects: list[Effect] = field(default_factory=list)
+class Runner(RunState):
+    """See the head of this file."""
 
     def adopt(self, past: Adopted, *, last_life_at: float) -> list[Effect]:
         """Take up what a daemon before us left; the link is down."""
@@ -69,80 +60,6 @@ class Runner:
             self._outcome = Outcome(Status.INTERRUPTED, error.code, error.message)
             self.ledger.inherit_doubt(error.line_from, error.line_to)
         return self._drain()
-
-    # --- what is derived --------------------------------------------------------------------------------------
-
-    @property
-    def status(self) -> Status:
-        """The job's status; derived, never stored."""
-        if self._outcome is not None:
-            return self._outcome.status
-        if self._wishes.waiting:
-            return Status.WAITING
-        if self._wishes.hold and not self.ledger.open:
-            return Status.PAUSED
-        return Status.RUNNING
-
-    @property
-    def error(self) -> JobError | None:
-        """What went wrong, with the lines that are in doubt."""
-        if self._outcome is None or not self._outcome.code:
-            return None
-        return JobError(self._outcome.code, self._outcome.message, *self.ledger.lines_in_doubt())
-
-    @property
-    def over(self) -> bool:
-        """The job has ended and nothing more will be learnt about it."""
-        return self.status in ENDED and not self.ledger.open
-
-    @property
-    def linked(self) -> bool:
-        """The machine takes commands; what became of everything before is settled."""
-        return self._link.up
-
-    @property
-    def holding(self) -> bool:
-        """A pause is demanded (the batch in flight may still be executing)."""
-        return self._wishes.hold
-
-    @property
-    def cancelling(self) -> bool:
-        """Its end is demanded."""
-        return self._wishes.cancel
-
-    @property
-    def tool(self) -> int | None:
-        """The tool it waits for."""
-        return self._wishes.tool if self._wishes.waiting else None
-
-    @property
-    def flights(self) -> tuple[Flight, ...]:
-        """The rows that are with the machine, or may be."""
-        return tuple(self.ledger.open)
-
-    @property
-    def _goes_on(self) -> bool:
-        """Would the job send by itself if it could?"""
-        wishes = self._wishes
-        return self._outcome is None and not (wishes.hold or wishes.cancel or wishes.waiting)
-
-    def deadline(self) -> float | None:
-        """When a break becomes too long to be bridged without asking (elvinto §5.5)."""
-        if self._link.last_life_at is None or not self._goes_on:
-            return None
-        return self._link.last_life_at + self.resume_within_s
-
-    def inherit(self) -> Inheritance:
-        """What a new epoch is told: what is open, and until when it may move the machine to find out.
-
-        A job that is to stand still (paused, waiting, being cancelled, interrupted) never moves by itself.
-        """
-        deadline = self.deadline()
-        return Inheritance(
-            tuple(flight.entry.command() for flight in self.ledger.open),
-            dict(self.ledger.position),
-            -math.inf if deadline is None else deadline,
-        )
 
     # --- what people want -------------------------------------------------------------------------------------
 
@@ -169,7 +86,8 @@ class Runner:
         return self._drain()
 
     def resume(self) -> list[Effect]:
-        """Go on after a pause."""
+        """Go on after a pause; a line that was refused is left out."""
+        self._refusal = None
         if self._wishes.hold:
             self._wishes.hold = False
             self._emit(SetHold(hold=False))
@@ -182,7 +100,7 @@ class Runner:
         return self._drain()
 
     def cancel(self) -> list[Effect]:
-        """End after the batch in flight; at once where the machine cannot be asked any more."""
+        """End after the batch in flight, or where the machine drops what it has; at once where it cannot be asked."""
         if not self._wishes.cancel:
             self._wishes.cancel = True
             # If the process dies before the end is durable, the job must at least not move again.
@@ -192,7 +110,7 @@ class Runner:
             self._outcome = Outcome(Status.CANCELLED, self._outcome.code, self._outcome.message)
             self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
         elif not self.ledger.open:
-            self._stop(Outcome(Status.CANCELLED))
+            self._stop(self._cancelled)
         elif not self._link.up:
             self._stop(CANCELLED_UNASKED)
             self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
@@ -214,12 +132,15 @@ class Runner:
         """The epoch is over. Of the batch in flight nothing more will be heard until the next one."""
         if self._link.last_life_at is None:
             self._link.last_life_at = last_life_at
-        self._link.up = False
+        self._link.up = self._standing = False
         self._shelve()
         if self.status in ENDED:
             self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
         elif self._wishes.cancel:
             return self.cancel()
+        elif self.ledger.open and not self.delivery.remembers:
+            self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
+            self._interrupt(outcome.LOST_WITH_LINES_INSIDE)
         return self._drain()
 
     def overdue(self, *, now: float) -> list[Effect]:
@@ -239,22 +160,35 @@ class Runner:
             case BatchFailed() if flight := self.ledger.flight(event.id):
                 self._failed(event, flight)
             case StateReported(status="alarm", alarm=alarm):
+                self._standing = False
                 self._stop(outcome.alarm("" if alarm is None else alarm.message))
+            case StateReported(status=status) if self.delivery.holds:
+                self._standing = status in STANDING
+            case LineRefused() if flight := self.ledger.flight(event.id):
+                self._line_refused(event, flight)
+            case ToolRequested(number=number) if self.delivery.holds:
+                self._wishes.waiting, self._wishes.tool = True, number
             case MachineRestarted(evidence=evidence):
                 self.restarted = True
                 self._note("machine_restarted", evidence=evidence)
                 self._interrupt(MACHINE_GONE)
+            case FateUnknown() | FateSettled() | FateInDoubt():
+                self._fate(event, now=now, at=at)
+            case LinkReady():
+                self._link = LinkSide(up=True)
+            case _:
+                pass
+        return self._drain()
+
+    def _fate(self, event: FateUnknown | FateSettled | FateInDoubt, *, now: float, at: str) -> None:
+        """What became of the batches of an epoch before."""
+        match event:
             case FateUnknown(ids=ids):
                 self._note("fate_unknown", ids=list(ids))
             case FateSettled():
                 self._settled(event, now=now, at=at)
             case FateInDoubt():
                 self._in_doubt(event, at=at)
-            case LinkReady():
-                self._link = LinkSide(up=True)
-            case _:
-                pass
-        return self._drain()
 
     # --- going on ---------------------------------------------------------------------------------------------
 
@@ -264,10 +198,11 @@ class Runner:
         `next_id` is the engine's; when it has moved since the row was written, the row is written again.
         """
         ahead = self.feed.ahead
-        if self.ledger.open and ahead is not None and ahead.entry is not None and ahead.entry.wire_id == next_id:
-            return []  # one is with the machine, the next is written down: nothing can be done before an event
+        written = ahead is not None and ahead.entry is not None and ahead.entry.wire_id == next_id
+        if written and not (free and self.has_room):
+            return []  # the next is written down and cannot go out: nothing can be done before an event
         if self._wishes.cancel and not self.ledger.open:
-            self._stop(Outcome(Status.CANCELLED))
+            self._stop(self._cancelled)
         if not self._link.up or not self._goes_on:
             return self._drain()
         ahead = self._plan()
@@ -279,10 +214,10 @@ class Runner:
             ahead.entry = Entry(self.job_id, ahead.seq, next_id, ahead.batch)
             ahead.durable = False
             self._emit(JournalBatch(ahead.entry))
-        elif free and ahead.durable and not self.ledger.open:
+        elif free and ahead.durable and self.has_room:
             self.feed.ahead = None
             self.ledger.submit(ahead.entry)
-            self._emit(Submit(ahead.entry.command()))
+            self._emit(Submit(ahead.entry.command(self.policy)))
         return self._drain()
 
     @property
@@ -303,14 +238,8 @@ class Runner:
         if ahead is not None:
             self.ledger.cursor = self.ledger.cursor.was_read(ahead.batch.last_line)
         elif end is not None and not self.ledger.open:
-            self._stop(end)
+            self._end(end)
         return ahead
-
-    def _shelve(self) -> None:
-        """Take the batch ahead back: its row says that it was never sent, before anything else is written."""
-        entry = self.feed.shelve()
-        if entry is not None:
-            self._emit(self.ledger.unsent(entry))
 
     # --- evidence ---------------------------------------------------------------------------------------------
 
@@ -319,7 +248,7 @@ class Runner:
         self._emit(self.ledger.done(flight, inferred=inferred, position=position, at=at))
         if batch.ends_program:
             # Now, also where a pause was demanded: a daemon after us would not know that what follows is no part of it.
-            self._stop(Outcome(Status.COMPLETED))
+            self._end(Outcome(Status.COMPLETED))
         if batch.locate_after:
             self.feed.relocate(self.ledger.position)
         if batch.tool_change:
@@ -333,12 +262,35 @@ class Runner:
                 self._done(flight, inferred=True, position=None, at=at)
 
     def _failed(self, event: BatchFailed, flight: Flight) -> None:
-        self._doubt([flight], RowStatus.FAILED)
+        self._emit(self.ledger.failed(flight, event.lines_done, event.lines_touched))
         if event.reason == "restart":
             self.restarted = True
             self._interrupt(MACHINE_GONE)
-        elif (cause := outcome.failure(event)) is not None:
-            self._stop(cause)
+        elif self._wishes.cancel and event.reason == "stop":
+            if not self.ledger.open:
+                self._stop(self._cancelled)
+        else:
+            cause = outcome.failure(event)
+            (self._interrupt if cause.status is Status.INTERRUPTED else self._stop)(cause)
+
+    def _line_refused(self, event: LineRefused, flight: Flight) -> None:
+        """grbl II.4: those behind it that are inside are executed all the same, if nothing holds the machine."""
+        line = flight.entry.batch.line_of(event.index)
+        inside = [
+            other.entry.batch.line_of(index)
+            for id, index in event.inside
+            if (other := self.ledger.flight(id)) is not None
+        ]
+        said = f"Line {line}, {event.block}: {event.message}"
+        self.refused += 1
+        self._first_refusal = self._first_refusal or said
+        self._note("line_refused", line=line, block=event.block, code=event.code, action=event.action, inside=inside)
+        if event.action == "held":
+            self._refusal = outcome.held_for(said, inside)
+            if not self._wishes.hold:
+                self._wishes.hold = True
+                self._emit(SetHold(hold=True))
+            self._shelve()
 
     def _settled(self, event: FateSettled, *, now: float, at: str) -> None:
         self._proven(event.done, at=at)
@@ -354,42 +306,3 @@ class Runner:
         self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
         self._note("fate_in_doubt", done=list(event.done), doubtful=list(event.doubtful), reason=event.reason)
         self._interrupt(outcome.in_doubt(event.reason))
-
-    def _doubt(self, flights: Iterable[Flight], status: RowStatus) -> None:
-        self._emit(*self.ledger.doubt(flights, status))
-
-    # --- stopping ---------------------------------------------------------------------------------------------
-
-    def _check_break(self, now: float) -> None:
-        deadline = self.deadline()
-        if deadline is not None and now >= deadline:
-            self._interrupt(outcome.break_too_long(self.resume_within_s))
-
-    def _interrupt(self, cause: Outcome) -> None:
-        """Later evidence may name a graver cause, but an end stays an end and a restart the gravest."""
-        if self.status not in ENDED and (self._outcome is None or self._outcome.code != MACHINE_GONE.code):
-            self._outcome = cause
-            self._shelve()
-
-    def _stop(self, cause: Outcome) -> None:
-        if self._outcome is None:
-            self._outcome = cause
-            self._shelve()
-
-    def _note(self, kind: str, **data: Any) -> None:
-        self._emit(Note(kind, data))
-
-    def _emit(self, *effects: Effect) -> None:
-        self._effects.extend(effects)
-
-    def _drain(self) -> list[Effect]:
-        status = self.status
-        told = (status, self.error, self.tool, self.restarted)
-        if told != self._told and not (status is self.announced and not self._told):
-            _, error, tool, restarted = told
-            done = self.ledger.cursor.done
-            self._emit(SetStatus(self.announced, status, done, error=error, tool=tool, restarted=restarted))
-            self.announced = status
-        self._told = told
-        effects, self._effects = self._effects, []
-        return effects

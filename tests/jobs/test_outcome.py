@@ -16,11 +16,11 @@ from protocol.events import BatchFailed
         (BatchFailed(7, "error", None, ""), ("machine_error", "The machine answered ERROR.")),
         (BatchFailed(7, "alarm", 5, "X is at its end."), ("alarm", "The machine is in alarm. X is at its end.")),
         (BatchFailed(7, "estop", None, ""), ("estop", "The emergency stop was pressed.")),
-        (BatchFailed(7, "stop", None, "stopped"), None),
-        (BatchFailed(7, "link", None, "down"), None),
+        (BatchFailed(7, "stop", None, "stopped"), outcome.MACHINE_RESET),
+        (BatchFailed(7, "link", None, "down"), outcome.in_doubt("down")),
     ],
 )
-def test_a_batch_that_failed(event: BatchFailed, expected: Outcome | tuple[str, str] | None) -> None:
+def test_a_batch_that_failed(event: BatchFailed, expected: Outcome | tuple[str, str]) -> None:
     found = outcome.failure(event)
     if isinstance(expected, tuple):
         expected = Outcome(Status.FAILED, *expected)

@@ -1,0 +1,54 @@
+"""How batches reach the machines of one protocol, and what follows for a job: data, no code.
+
+The one rule: nothing in jobs/ asks which protocol it is; it asks for what stands here.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from protocol.commands import OnError
+from protocol.events import Status as MachineStatus
+
+STANDING: Final[frozenset[MachineStatus]] = frozenset({"hold", "door"})
+"""The machine itself holds the motion in the middle of a batch."""
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """`depth`: batches that may be with the engine at once; one more is planned and journaled.
+
+    `remembers`: after a break the machine can be asked what became of them (elvinto §5.4); else they are in doubt.
+    `holds`: it can stand still in the middle of a batch, go on, and drop what it has (grbl I, feed hold and reset).
+    """
+
+    depth: int = 1
+    remembers: bool = True
+    holds: bool = False
+
+    @property
+    def most_open(self) -> int:
+        """Rows of a job without a durable end, at most."""
+        return self.depth + 1
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """What a job wants of its run. `check`: the controller's own parser, without motion (grbl `$C`).
+
+    `on_error`, `ignored_errors`: what follows a refused line (protocol.commands.SendBatch).
+    """
+
+    check: bool = False
+    on_error: OnError = "hold"
+    ignored_errors: frozenset[int] = frozenset()
+
+    @classmethod
+    def of(cls, row: Mapping[str, object]) -> "Policy":
+        """From a job's row. A check collects every error: whatever its row says, it goes on."""
+        codes = str(row["ignored_errors"] or "")
+        ignored = frozenset(int(code) for code in codes.split(",") if code)
+        if row["mode"] == "check":
+            return cls(check=True, on_error="ignore")
+        on_error: OnError = row["on_error"] or "hold"  # type: ignore[assignment]
+        return cls(on_error=on_error, ignored_errors=ignored)
