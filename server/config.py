@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
 from server.motionconfig import MotionConfig
+from server.reentryconfig import ReentryConfig
 from server.section import Allowed, Section, as_tuple, refused
 
 DEFAULT_DATA_DIR = "~/.local/share/millstream"
@@ -115,6 +116,7 @@ class MachineConfig(Section):
     elvinto: ElvintoConfig = ElvintoConfig()
     grbl: GrblConfig = GrblConfig()
     motion: MotionConfig = MotionConfig()
+    reentry: ReentryConfig = ReentryConfig()
 
     @model_validator(mode="after")
     def _sections_belong(self) -> Self:

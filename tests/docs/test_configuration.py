@@ -13,6 +13,7 @@ from server.configfile import describe
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
 from server.motionconfig import MotionConfig
+from server.reentryconfig import ReentryConfig
 from sim.faults import FaultRates
 from sim.options import GRBL_KEYS, KEYS, grbl_options_from_query, options_from_query
 from tests.harness.docs import page, rows, section
@@ -22,6 +23,7 @@ SECTIONS: list[tuple[str, type[BaseModel]]] = [
     ("## `[[machine]]`", MachineConfig),
     ("## `[machine.elvinto]`", ElvintoConfig),
     ("## `[machine.grbl]`", GrblConfig),
+    ("## `[machine.reentry]`", ReentryConfig),
 ]
 
 

@@ -16,6 +16,7 @@ from server.config import PROTOCOLS, Config, MachineConfig, ServerConfig
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
 from server.motionconfig import MotionConfig
+from server.reentryconfig import ReentryConfig
 
 EXAMPLE = Path(__file__).parents[2] / "config.example.toml"
 
@@ -43,6 +44,7 @@ def test_example_is_the_defaults() -> None:
 def test_example_has_every_key() -> None:
     data = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
     data["machine"][0]["grbl"] = GrblConfig().model_dump()  # of another protocol: the next test
+    data["machine"][0]["reentry"] = ReentryConfig().model_dump()  # likewise
     missing = missing_keys(Config.model_validate(tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))), data)
     assert missing == ["machine[0].motion.travel", "machine[0].motion.steps_per_mm"]
 
@@ -53,6 +55,9 @@ def test_example_shows_a_grbl_machine_that_loads_when_uncommented() -> None:
     config = Config.model_validate(data)
     assert config.machine == (MachineConfig(name="mill", protocol="grbl", port="/dev/ttyACM0"),)
     assert set(data["machine"][0]["grbl"]) == set(GrblConfig.model_fields)
+    assert set(data["machine"][0]["reentry"]) == set(ReentryConfig.model_fields) - {"clearance"}
+    (clearance,) = re.findall(r"^# # (clearance = .*)$", EXAMPLE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert ReentryConfig.model_validate(tomllib.loads(clearance)).clearance == 20.0
     assert GrblConfig().dialect() == GrblDialect()
     assert GrblConfig(firmware="grblhal").dialect() == GrblDialect(line_chars=255)
 

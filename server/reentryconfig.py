@@ -1,0 +1,41 @@
+"""`[machine.reentry]` as a model: how a program is taken up in the middle after the controller has forgotten its modes.
+
+Not the plan itself (gcode/resume.py). Keys are what users write; `way()` hands them on under the names of the core. The
+one rule: where the machine may move freely is never guessed. Without `clearance` here a request has to say it.
+"""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from gcode.reentry import Way
+from server.section import Section
+
+MAX_CLEARANCE_MM = 10_000
+MAX_FEED_MM_MIN = 100_000
+MAX_WAIT_S = 600
+
+Clearance = Annotated[float, Field(ge=-MAX_CLEARANCE_MM, le=MAX_CLEARANCE_MM)]
+PlungeFeed = Annotated[float, Field(gt=0, le=MAX_FEED_MM_MIN)]
+SpindleWait = Annotated[float, Field(ge=0, le=MAX_WAIT_S)]
+
+
+class ReentryConfig(Section):
+    """`[machine.reentry]`. `clearance`: program coordinates, or those of the machine with `clearance_is_machine`."""
+
+    clearance: Annotated[float | None, Field(ge=-MAX_CLEARANCE_MM, le=MAX_CLEARANCE_MM)] = None
+    clearance_is_machine: bool = False
+    plunge_feed: PlungeFeed = 100.0
+    spindle_wait: SpindleWait = 3.0
+
+    def way(self, *, laser: bool) -> Way | None:
+        """The same for the core; None where nobody has said yet where the machine may move freely."""
+        if self.clearance is None:
+            return None
+        return Way(
+            self.clearance,
+            self.plunge_feed,
+            self.spindle_wait,
+            clearance_is_machine=self.clearance_is_machine,
+            laser=laser,
+        )
