@@ -121,6 +121,15 @@ class Manual:
             del self._sent[event.token]
             _answer(sent.future, Answer(tuple(sent.events), event))
 
+    def withdraw(self, future: asyncio.Future[Answer]) -> bool:
+        """Take a command back that was not handed over yet; whether it was still there to take."""
+        waiting = next((one for one in self._queue if one.future is future), None)
+        if waiting is None:
+            return False
+        self._queue.remove(waiting)
+        future.cancel()
+        return True
+
     def drop_jogs(self) -> None:
         """Take back the jogs that were not handed over yet."""
         kept: deque[_Waiting] = deque()

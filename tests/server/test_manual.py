@@ -149,6 +149,17 @@ def test_a_request_that_was_given_up_does_not_free_the_machine() -> None:
     run_simulated(main())
 
 
+def test_only_what_was_not_handed_over_can_be_withdrawn() -> None:
+    async def main() -> None:
+        manual, engine = Manual("router", asyncio.get_running_loop()), ScriptedEngine()
+        sent, waits = manual.put(ClearAlarm), manual.put(ClearAlarm)
+        manual.offer(engine, 0.0)  # type: ignore[arg-type]
+        assert (manual.withdraw(sent), manual.withdraw(waits), manual.withdraw(waits)) == (False, True, False)
+        assert (sent.done(), waits.cancelled(), manual.waiting) == (False, True, False)
+
+    run_simulated(main())
+
+
 @pytest.mark.parametrize("error", [MessageTooLongError("too long"), UnicodeEncodeError("cp1251", "é", 0, 1, "no")])
 def test_what_does_not_fit_the_wire_is_refused_and_bars_nobody(error: Exception) -> None:
     async def main() -> None:
