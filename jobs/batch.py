@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isnan
 
+from gcode.held import Held, state_of
 from gcode.interpreter import power_on
 from gcode.motion import Motion
 from gcode.profile import Profile
@@ -74,7 +75,8 @@ class BatchPlanner:
 
     `position` is where the machine stands before the first of `lines`, `absolute` its G90/G91 then. With `skip_to`
     the lines before it are not sent, but followed, so that the modal state is that of a machine that has executed
-    them; `relocate` then says where it really stands.
+    them; `relocate` then says where it really stands. `held`: what the controller says that it holds, where it can be
+    asked; its modes go before `absolute`.
     """
 
     def __init__(
@@ -91,10 +93,12 @@ class BatchPlanner:
         absolute: bool | None = True,
         skip_to: int = 1,
         encoding: str = "utf-8",
+        held: Held | None = None,
     ) -> None:
         rules = Rules(profile, motion, limits.longest_block_bytes, compact, block_delete, convert_inches, encoding)
-        state = power_on(profile)
-        state.absolute = absolute
+        state = power_on(profile) if held is None else state_of(held, profile)
+        if held is None or not held.modal:
+            state.absolute = absolute
         state.locate(dict(position or {}))
         self._reader = BlockReader(lines, rules, state, skip_to=skip_to)
         self._limits = limits

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from gcode.clean import clean
 from gcode.compact import Compactor
+from gcode.held import Held
 from gcode.interpreter import Interpreter, power_on
 from gcode.lines import split_lines
 from gcode.motion import Motion, Position
@@ -373,3 +374,10 @@ def test_a_long_stretch_without_a_block_is_read_piece_by_piece() -> None:
     assert pieces == [True, True]
     assert (batch.first_line, batch.blocks) == (1601, ("G1X1F100",))
     assert reader.next(LINES_AT_ONCE) is None
+
+
+def test_a_program_begins_in_the_modes_that_the_controller_says() -> None:
+    """It was put into G91 by hand: the first move ends one further, not at 1."""
+    for modal, absolute, end in ((("G91",), True, 4.0), (("G90",), False, 1.0), ((), True, 1.0)):
+        (batch,) = plan("G1 X1 F60", held=Held(modal), position={"x": 3.0}, absolute=absolute)
+        assert batch.end["x"] == end, modal
