@@ -1,7 +1,7 @@
 """The journal: which lines stand behind which ID on the wire, and how it ended. Runs inside the db thread.
 
 The one rule: a row is durable before its first byte is sent, and it stays `planned` (open) until its end is certain
-(elvinto §5.1). Why at most two rows are open is argued in runner.py.
+(elvinto §5.1). Why there are few open rows is argued in runner.py.
 """
 
 import json
@@ -16,7 +16,6 @@ from jobs.effects import Entry, MarkBatch, RowStatus
 from protocol.commands import Position
 from protocol.errors import LocalError
 
-MOST_OPEN = 2
 BODY_FIELDS = tuple(field.name for field in fields(PlannedBatch))
 
 INSERT = """
@@ -94,11 +93,11 @@ def mark(db: Database, effect: MarkBatch) -> None:
     db.conn.execute("update jobs set line_done = ? where id = ?", [effect.line_done, entry.job_id])
 
 
-def past(db: Database, job: int) -> Past:
-    """What a daemon before us left of this job. Raises LocalError when more is open than can be."""
+def past(db: Database, job: int, *, most_open: int = 2) -> Past:
+    """What a daemon before us left of this job. Raises LocalError when more is open than can be (jobs.delivery)."""
     rows = list(db.query("select * from batches where job = ? and status = 'planned' order by seq", [job]))
-    if len(rows) > MOST_OPEN:
-        raise LocalError(f"job {job} has {len(rows)} open rows; there can be {MOST_OPEN}")
+    if len(rows) > most_open:
+        raise LocalError(f"job {job} has {len(rows)} open rows; there can be {most_open}")
     opened = tuple(Entry(job, row["seq"], row["wire_id"], _batch(row)) for row in rows)
     last = next(
         db.query("select \"end\" from batches where job = ? and status = 'ok' order by seq desc limit 1", [job]), None

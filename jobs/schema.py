@@ -116,6 +116,15 @@ def m009_settings_backups(db: Database) -> None:
     db.execute("create index settings_backups_by_machine on settings_backups (machine, id)")
 
 
+@migrations()
+def m010_modes(db: Database) -> None:
+    """`mode`: run, or check: the controller's own parser without motion. `on_error`, `ignored_errors` (codes with
+    commas): what follows a refused line; null where the protocol knows no such choice."""
+    db.execute("alter table jobs add column mode text not null default 'run'")
+    db.execute("alter table jobs add column on_error text")
+    db.execute("alter table jobs add column ignored_errors text")
+
+
 def prepare(db: Database) -> None:
     """Set the connection up and bring the tables to the newest state."""
     db.execute("pragma journal_mode = wal")

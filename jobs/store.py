@@ -30,6 +30,9 @@ FIELDS_OF_A_NEW_JOB = (
     "request_hash",
     "rerun_of",
     "source_program",
+    "mode",
+    "on_error",
+    "ignored_errors",
 )
 FIELDS_OF_A_PROGRAM = ("id", "name", "lines", "bytes", "sha256", "created_at", "source_program")
 

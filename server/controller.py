@@ -1,25 +1,30 @@
 """What people ask of a machine: stop it, move it by hand, connect it. The verbs of the API; the machine is machine.py.
 
-Not HTTP and not who may do it (server/api). The one rule: e-stop, pause, resume and stop are plain function calls that
-end before anything is awaited; the wire comes first, then the job, then the history.
+Not HTTP and not who may do it (server/api); what a verb is in a protocol is data (verbs.py). The one rule: e-stop,
+pause, resume and stop are plain function calls that end before anything is awaited; the wire comes first, then the
+job, then the history.
 """
 
 import asyncio
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
+from jobs.delivery import STANDING
 from jobs.job import Status
 from protocol.commands import ClearAlarm, EmergencyStop, ListFiles, RunBlock, RunFile
 from protocol.events import CommandFailed, FilesListed
 from protocol.machine import tool_confirmed
 from server.machine import Machine
-from server.manual import Answer
+from server.manual import Answer, Make, MakeRealtime
 from server.problems import ProblemError
 
 ALARM_CLEARED_WITHIN_S = 5.0
 """After that a reset goes on without the answer."""
-FORBIDDEN = frozenset("|;\r\n")
-"""They end a block or a message on the wire."""
+REFUSED_WITHIN_S = 0.5
+"""A controller that refuses to home or to jog says so at once; whoever asked is told then."""
+UNDER_WAY = frozenset({"run", "jog", "hold", "home", "door", "tool"})
+"""Something moves, or stands in the middle of moving."""
 
 
 class Controller(Machine):
@@ -44,35 +49,55 @@ class Controller(Machine):
             )
 
     def pause(self) -> None:
-        """Stand still after the batch in flight. Raises ProblemError."""
+        """Stand still: at once where the machine can, else after the batch in flight. Raises ProblemError."""
         runner = self.stream.runner
-        if runner is None or runner.status not in (Status.RUNNING, Status.WAITING):
+        runs = runner is not None and runner.status in (Status.RUNNING, Status.WAITING)
+        by_hand = runner is None and self.state.status in ("run", "jog")
+        if runs or by_hand:
+            self._urge(self.verbs.hold)
+        if runner is not None and runs:
+            self.stream.react(runner.pause())
+        elif not by_hand or self.verbs.hold is None:
             raise ProblemError("wrong_state", f"There is no running job on {self.name} to pause.")
-        self.stream.react(runner.pause())
 
     def resume(self) -> None:
         """Go on after a pause. Raises ProblemError."""
         runner = self.stream.runner
-        if runner is None or not runner.holding or runner.status is Status.INTERRUPTED:
+        if runner is not None and runner.holding and runner.status is not Status.INTERRUPTED:
+            self.check_takes_commands()
+            self._urge(self.verbs.go_on)
+            self.stream.react(runner.resume())
+        elif self.verbs.go_on is not None and self.state.status in STANDING and not self.stream.moving:
+            self.check_takes_commands()
+            self._urge(self.verbs.go_on)
+        else:
             raise ProblemError("wrong_state", f"There is no paused job on {self.name}.")
-        self.check_takes_commands()
-        self.stream.react(runner.resume())
 
     def stop(self) -> None:
-        """Cancel the job after the batch in flight, and what was asked by hand and not sent. Raises ProblemError."""
+        """Cancel the job, and what was asked by hand and not sent: at once where the machine can drop what it has, else
+        after the batch in flight. Raises ProblemError."""
         runner, had_manual = self.stream.runner, self.manual.busy
+        under_way = self.verbs.drop is not None and self.state.status in UNDER_WAY
+        if under_way or (runner is not None and runner.flights):
+            self._urge(self.verbs.drop)
         self.manual.sweep(ProblemError("command_failed", "A stop was demanded."))
         if runner is not None:
             self.stream.note("cancel_demanded")
             self.stream.react(runner.cancel())
         elif self.stream.reserved is not None:
             self.stream.reserved_cancelled = True
-        elif not had_manual:
+        elif not had_manual and not under_way:
             raise ProblemError("wrong_state", f"Nothing is running on {self.name}.")
 
     def cancel_jog(self) -> None:
-        """Take back the jogs that are not with the machine yet; this protocol cannot stop one that is."""
+        """Take back the jogs that are not with the machine yet, and end the one that is, where the protocol can."""
+        self._urge(self.verbs.cancel_jog)
         self.manual.drop_jogs()
+
+    def _urge(self, make: MakeRealtime | None) -> None:
+        """The byte of a verb, if there is one and a link to write it to."""
+        if make is not None and self._link is not None:
+            self.manual.press(self._link, make)
 
     # --- the link ---------------------------------------------------------------------------------------------
 
@@ -87,9 +112,13 @@ class Controller(Machine):
         self.close()
 
     async def reset(self) -> None:
-        """Clear an alarm and greet the machine anew (INIT). Raises ProblemError."""
-        self._check_no_job()
+        """The controller's own reset, at once, also in the middle of a job; without one the alarm is cleared and the
+        machine greeted anew (INIT), and no job may be under way. Raises ProblemError."""
         port = self._port
+        if self.verbs.reset is not None:
+            self.press(self.verbs.reset)
+            return
+        self._check_no_job()
         if port is None:
             raise ProblemError("not_connected", f"{self.name} is not connected.")
         if self._ready and not self.manual.busy:
@@ -126,27 +155,43 @@ class Controller(Machine):
         if self.own_program is not None:
             raise ProblemError("machine_busy", f"{self.name} is running {self.own_program} from its SD card.")
 
-    def check_can_start(self) -> None:
-        """Raises ProblemError unless a job may begin now."""
+    def check_can_start(self, *, checking: bool = False) -> None:
+        """Raises ProblemError unless a job may begin now; `checking`: one that was put into check mode. A machine that
+        can hold says itself whether it is at rest."""
         if self.stream.active_job is not None:
             status = self.stream.status
             raise ProblemError("job_active", f"Job {self.stream.active_job} on {self.name} is {status}.")
         self.check_by_hand()
         if self.manual.busy:
             raise ProblemError("machine_busy", f"{self.name} executes a command by hand.")
+        if self.verbs.hold is not None and self.state.status not in ("idle", "check" if checking else "idle"):
+            raise ProblemError("wrong_state", f"{self.name} is in the state {self.state.status}; a job begins in idle.")
+        if self.state.pendant:
+            raise ProblemError("machine_busy", f"A pendant owns {self.name} (MPG).")
 
     # --- by hand ----------------------------------------------------------------------------------------------
 
     async def home(self) -> None:
-        """G28. Answers when it is accepted; the state shows the rest. Raises ProblemError."""
-        self.check_by_hand()
-        self._put_block(("G28",))
+        """Answers when it is accepted; the state shows the rest. Raises ProblemError."""
+        if not self.verbs.homes_in_alarm or self.state.status != "alarm":
+            self.check_by_hand()
+        self._check_no_job()
+        await self._accepted(self.ask(self.verbs.home))
+
+    async def _accepted(self, answer: "asyncio.Future[Answer]") -> None:
+        """Raises ProblemError when the machine refuses it at once."""
+        if self.verbs.refuses_at_once:
+            await asyncio.wait([answer], timeout=REFUSED_WITHIN_S)
+            if answer.done():
+                _done(answer.result())
 
     async def unlock(self) -> None:
-        """RESETALERT. Raises ProblemError."""
+        """RESETALERT, or `$X`. Raises ProblemError."""
         self._check_no_job()
         if not self._ready:
             raise ProblemError("not_connected", f"{self.name} is {self.link_status}.")
+        if self.verbs.unlocks_only_in_alarm and self.state.status != "alarm":
+            raise ProblemError("wrong_state", f"{self.name} is not in alarm: it is {self.state.status}.")
         answer = self.manual.put(ClearAlarm)
         self.pump()
         _done(await answer)
@@ -155,12 +200,11 @@ class Controller(Machine):
         """Run blocks one after the other; a result for each that was sent. Raises ProblemError."""
         self.check_by_hand()
         for block in blocks:
-            if not block.strip() or not block.isprintable() or FORBIDDEN & set(block):
+            if not block.strip() or not block.isprintable() or self.verbs.forbidden & set(block):
                 raise ProblemError("invalid_request", f"{block!r} is not one block of G-code.")
         results: list[dict[str, Any]] = []
         for block in blocks:
-            answer = self._put_block((block.strip(),))
-            end = (await answer).end
+            end = (await self.ask(partial(RunBlock, blocks=(block.strip(),)))).end
             if isinstance(end, CommandFailed):
                 error = {"code": end.code, "message": end.message}
                 return [*results, {"block": block, "ok": False, "error": error}]
@@ -173,10 +217,9 @@ class Controller(Machine):
         self.check_by_hand()
         if self.manual.waiting:
             raise ProblemError("machine_busy", f"{self.name} still executes the move before.")
-        words = " ".join(f"{axis.upper()}{_number(way)}" for axis, way in sorted(axes.items()))
-        # The machine itself remembers its mode and restores it (elvinto §6). STATE in the middle of a jog says G91,
-        # so what it says is no base for the next one.
-        self._put_block(("W70", "G91", f"G1 {words} F{_number(feed)}", "W71"), droppable=True)
+        answer = self.manual.put(self.verbs.jog(axes, feed), droppable=True)
+        self.pump()
+        await self._accepted(answer)
 
     async def list_files(self) -> dict[str, Any]:
         """The root folder of the SD card. Raises ProblemError."""
@@ -204,10 +247,17 @@ class Controller(Machine):
             self.own_program = None
             raise
 
-    def _put_block(self, blocks: tuple[str, ...], *, droppable: bool = False) -> "asyncio.Future[Answer]":
-        answer = self.manual.put(lambda token: RunBlock(token, blocks), droppable=droppable)
+    def ask(self, make: Make) -> "asyncio.Future[Answer]":
+        """Queue any command by hand; who asks has asked whether it may. Raises ProblemError when too many wait."""
+        answer = self.manual.put(make)
         self.pump()
         return answer
+
+    def press(self, make: MakeRealtime) -> "asyncio.Future[Answer]":
+        """A command of the realtime lane: it is on the wire when this returns. Raises ProblemError without a link."""
+        if self._link is None:
+            raise ProblemError("not_connected", f"{self.name} is {self.link_status}. Check the cable and the port.")
+        return self.manual.press(self._link, make)
 
     # --- the tool ---------------------------------------------------------------------------------------------
 
@@ -219,9 +269,11 @@ class Controller(Machine):
             if runner.tool is not None:
                 self.state = replace(self.state, tool_requested=runner.tool)
             self.state = tool_confirmed(self.state)
+            self._urge(self.verbs.go_on)
             self.stream.note("tool_confirmed", tool=runner.tool)
             self.stream.react(runner.confirm_tool())
         elif self.state.tool_requested is not None:
+            self._urge(self.verbs.go_on)
             self.state = tool_confirmed(self.state)
         else:
             raise ProblemError("wrong_state", f"{self.name} does not wait for a tool.")
@@ -235,8 +287,3 @@ def _done(answer: Answer) -> Answer:
         number = "" if end.code is None else f" (code {end.code})"
         raise ProblemError("command_failed", f"The machine refused it{number}: {end.message}")
     return answer
-
-
-def _number(value: float) -> str:
-    """Without an exponent, which no controller reads."""
-    return f"{value:.4f}".rstrip("0").rstrip(".")

@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from jobs.batch import BatchLimits
+from jobs.delivery import Delivery
 from protocol.elvinto.dialect import Dialect
 from server.section import Encoding, Section, refused
 
@@ -70,6 +71,10 @@ class ElvintoConfig(Section):
             report_moves=self.report_moves,
             require_header=self.require_header,
         )
+
+    def delivery(self) -> Delivery:
+        """One command at a time, which the machine remembers (elvinto §5)."""
+        return Delivery()
 
     def limits(self) -> BatchLimits:
         """The bounds of a batch (elvinto §7)."""

@@ -10,9 +10,13 @@ from pydantic import Field
 
 from gcode.profile import load_profile
 from jobs.batch import BatchLimits
+from jobs.delivery import Delivery
 from protocol.commands import OnError
 from protocol.grbl.dialect import Dialect
 from server.section import Encoding, Section
+
+MAX_BATCHES = 8
+"""Rows of the journal that may be with the engine: most of them are in the controller's queue."""
 
 
 class GrblConfig(Section):
@@ -56,6 +60,10 @@ class GrblConfig(Section):
             stop_timeout_s=self.stop_timeout,
             reset_wait_s=self.reset_wait,
         )
+
+    def delivery(self) -> Delivery:
+        """As many as the engine takes; the controller cannot tell afterwards what it has executed, but it can hold."""
+        return Delivery(depth=MAX_BATCHES, remembers=False, holds=True)
 
     def limits(self) -> BatchLimits:
         """The bounds of a batch: how finely a job's lines are told apart in the journal."""

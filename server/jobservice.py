@@ -9,13 +9,16 @@ import asyncio
 import hashlib
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from jobs import history, journal, store
+from jobs.delivery import Policy
 from jobs.job import ENDED, Status
 from jobs.store import Row
+from protocol.commands import OnError
+from server import jobmodes
 from server.clock import Clock, stamp
 from server.controller import Controller
 from server.dbthread import Db
@@ -150,10 +153,14 @@ class JobService:
         idempotency_key: str | None = None,
         rerun_of: int | None = None,
         source_program: str | None = None,
+        mode: str = "run",
+        on_error: OnError | None = None,
+        ignored_errors: Sequence[int] | None = None,
     ) -> dict[str, Any]:
         """Queue a run of a program; it starts now if it can and nothing stands before it. Raises ProblemError."""
         controller = self.machine(machine)
-        request = [program_id, machine, start_line, end_line, hold, note, force]
+        modes = jobmodes.columns(controller, mode, on_error, ignored_errors)
+        request = [program_id, machine, start_line, end_line, hold, note, force, *modes.values()]
         request_hash = hashlib.sha256(json.dumps(request).encode()).hexdigest()
         if idempotency_key is not None:
             known = await self.db.run(store.job_by_key, idempotency_key)
@@ -184,6 +191,7 @@ class JobService:
             "idempotency_key": idempotency_key,
             "request_hash": request_hash,
             "rerun_of": rerun_of,
+            **modes,
         }
         made = await self.db.run(store.create_job, fields, at=stamp(self.clock), queue_limit=self._queue_limit)
         if made is None:
@@ -215,6 +223,9 @@ class JobService:
             force=bool(row["forced"]),
             rerun_of=job_id,
             source_program=row["source_program"],
+            mode=row["mode"],
+            on_error=row["on_error"],
+            ignored_errors=sorted(Policy.of(row).ignored_errors),
         )
 
     # --- the queue --------------------------------------------------------------------------------------------
@@ -237,11 +248,15 @@ class JobService:
     def _on_status(self, machine: str, status: Status) -> None:
         """A job has changed. One that was completed makes way for the next; after any other end the queue holds."""
         if status is Status.COMPLETED:
-            self._background.begin(self.start_next(machine))
+            self._background.begin(self._after(machine, self.start_next))
         elif status in ENDED:
             # Posted at once: a wish that comes after this end (let the next one go) must not be overtaken by it.
             self.db.post(store.hold_queue, machine)
-            self._background.begin(self.announce_queue(machine))
+            self._background.begin(self._after(machine, self.announce_queue))
+
+    async def _after(self, machine: str, then: Callable[[str], Awaitable[None]]) -> None:
+        await jobmodes.leave(self.machines[machine])
+        await then(machine)
 
     # --- wishes -----------------------------------------------------------------------------------------------
 

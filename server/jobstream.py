@@ -14,6 +14,7 @@ from sqlite_utils import Database
 
 from gcode.timeline import Timeline
 from jobs import history, journal, store
+from jobs.delivery import STANDING
 from jobs.effects import Effect, Entry, JournalBatch, MarkBatch, Note, RowStatus, SetHold, SetStatus, Submit
 from jobs.experience import Experience
 from jobs.job import ENDED, MOVING, Status
@@ -29,8 +30,6 @@ from server.hub import Hub
 from server.metrics import MachineMetrics
 from server.views import job_view
 
-STANDING = frozenset({"hold", "door"})
-"""The machine itself holds the motion in the middle of a batch."""
 PROGRESS_EVERY_S = 0.25
 """Progress is announced at most this often; changes of status always."""
 ALIVE_EVERY_S = 1.0
@@ -289,7 +288,7 @@ class JobStream:
     def _journal(self, runner: Runner, entry: Entry) -> None:
         def durable() -> None:
             runner.feed.journaled(entry.seq, entry.wire_id)
-            if self.runner is runner and not runner.ledger.open:  # else it goes out when that has ended
+            if self.runner is runner and runner.has_room:  # else it goes out when one of those has ended
                 self.react([])
 
         self._post(journal.journal, self.machine, entry, stamp(self._clock), then=durable)

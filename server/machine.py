@@ -6,12 +6,13 @@ Not the wire (protocol), not the job's logic (jobs/runner.py), not HTTP. The one
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from protocol.commands import EmergencyStop
 from protocol.engine import Engine, OpenWork
 from protocol.events import (
+    Announced,
     BatchDone,
     BatchReceived,
     BatchSent,
@@ -21,8 +22,10 @@ from protocol.events import (
     LinkReady,
     MachineRestarted,
     MessageSeen,
+    ProbeReported,
     ProgramEnded,
     ProtocolFault,
+    StartupBlockRun,
     StateReported,
     ToolRequested,
 )
@@ -39,13 +42,11 @@ from server.reconnect import Reconnect
 from server.recorder import Recorder, dump
 from server.serialport import Opener, Port
 from server.timing import AckTimer
-from server.views import alarm_view, state_view
+from server.verbs import VERBS
+from server.views import alarm_view, said, state_view
 
 log = logging.getLogger(__name__)
 
-CAPABILITIES = (
-    "connect", "home", "unlock", "reset", "estop", "pause", "resume", "stop", "jog", "commands", "sd", "tool_confirm"
-)  # fmt: skip
 FIRST_ID = 1000
 ID_STEP = 1000
 """A new epoch begins at the next full thousand but one above every ID ever journaled: room for IDs that were used
@@ -75,6 +76,7 @@ class Machine:
         highest_id: int = 0,
     ) -> None:
         self.config = config
+        self.verbs = VERBS[config.protocol]
         self.name = config.name
         self.state = MachineState()
         self.metrics = MachineMetrics()
@@ -127,7 +129,7 @@ class Machine:
             "protocol": self.config.protocol,
             "port": self.config.port,
             "link": self.link_status,
-            "capabilities": list(CAPABILITIES),
+            "capabilities": list(self.verbs.capabilities),
             "state": self.state_view(),
             "active_job": self.stream.active_job,
             "queue_length": self.queue_length(),
@@ -137,6 +139,11 @@ class Machine:
                 "errors": dict(self.metrics.link_errors),
             },
         }
+
+    @property
+    def program_position(self) -> Mapping[str, float]:
+        """Where it stands in the coordinates of programs, as far as it has said."""
+        return self.state.work_position
 
     def state_view(self) -> dict[str, Any]:
         """The machine's state (api.md)."""
@@ -264,6 +271,10 @@ class Machine:
                 self._publish_state()
             case ToolRequested(number=number) if not self.stream.moving:
                 self._hub.publish("tool", self.name, {"tool": number, "job": None})
+            case Announced() | StartupBlockRun() | ProbeReported():
+                self._hub.publish("log", self.name, said(event))
+                if isinstance(event, ProbeReported):
+                    self.stream.note("probe", position=dict(event.position), succeeded=event.succeeded)
             case _:
                 pass
 

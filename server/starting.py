@@ -11,6 +11,7 @@ from typing import Any
 
 from jobs import journal, store
 from jobs.cursor import Cursor
+from jobs.delivery import Policy
 from jobs.effects import SetStatus
 from jobs.feed import Feed
 from jobs.flight import Adopted
@@ -21,6 +22,7 @@ from jobs.restart import CannotStartError
 from jobs.runner import Runner
 from jobs.store import Row
 from jobs.upcoming import PlanError
+from server import jobmodes
 from server.clock import Clock, stamp
 from server.controller import Controller
 from server.dbthread import Db
@@ -99,6 +101,7 @@ class Starter:
                 position=state.position,
                 absolute=state.absolute,
             )
+            entered = await self._enter(controller, row)
         except UNSTARTABLE as error:
             code = "not_plannable" if isinstance(error, CannotStartError | PlanError) else "program_missing"
             await self.set_status(row, Status.FAILED, JobError(code, str(error)))
@@ -106,20 +109,37 @@ class Starter:
             return True
         finally:
             wanted = controller.stream.release()
-        if wanted:
+        if wanted and entered:
             await self._begin(controller, row, plan)
+        elif wanted:
+            await self._back_to_queue(controller, row)
         else:
             await self.set_status(row, Status.CANCELLED)
+            await jobmodes.leave(controller)
         return True
+
+    async def _enter(self, controller: Controller, row: Row) -> bool:
+        """Put the machine into the job's mode; False where it does not go."""
+        try:
+            await jobmodes.enter(controller, row)
+        except ProblemError as problem:
+            log.info("%s: job %d goes back to the queue: %s", controller.name, row["id"], problem)
+            return False
+        return True
+
+    async def _back_to_queue(self, controller: Controller, row: Row) -> None:
+        """Nothing was sent; somebody has to ask again."""
+        await self.set_status(row, Status.QUEUED)
+        await self._db.run(store.hold_queue, controller.name)
 
     async def _begin(self, controller: Controller, row: Row, plan: Plan) -> None:
         try:
-            controller.check_can_start()
+            controller.check_can_start(checking=Policy.of(row).check)
         except ProblemError as problem:
-            # It was torn down while the program was read. Nothing was sent; somebody has to ask again.
+            # It was torn down while the program was read.
             log.info("%s: job %d goes back to the queue: %s", controller.name, row["id"], problem)
-            await self.set_status(row, Status.QUEUED)
-            await self._db.run(store.hold_queue, controller.name)
+            await self._back_to_queue(controller, row)
+            await jobmodes.leave(controller)
             return
         self.run_plan(controller, row, plan, before=Status.CHECKING)
 
@@ -133,10 +153,12 @@ class Starter:
             Feed(plan.planner, next_seq),
             Ledger(
                 cursor=Cursor.at(max(plan.line, row["start_line"]) - 1),
-                position=dict(controller.state.position),
+                position=dict(controller.program_position),
                 seconds_done=seconds,
             ),
             announced=before,
+            delivery=controller.config.dialect.delivery(),
+            policy=Policy.of(row),
         )
         if plan.prologue:
             controller.stream.note("prologue", job=row["id"], line=plan.line, blocks=list(plan.prologue))
@@ -177,7 +199,8 @@ class Starter:
             await self._adopt(controller, row)
 
     async def _adopt(self, controller: Controller, row: Row) -> None:
-        past = await self._db.run(journal.past, row["id"])
+        delivery = controller.config.dialect.delivery()
+        past = await self._db.run(journal.past, row["id"], most_open=delivery.most_open)
         alive_at = await self._db.run(journal.alive_at, controller.name)
         status = Status(row["status"])
         opened = past.open
@@ -186,6 +209,8 @@ class Starter:
             controller.config.resume_within,
             Feed(next_seq=past.next_seq),
             Ledger(cursor=Cursor.at(row["line_done"]), position=past.position, seconds_done=past.seconds_done),
+            delivery=delivery,
+            policy=Policy.of(row),
         )
         adopted = Adopted(
             status,

@@ -11,7 +11,7 @@ from jobs.job import Status
 from jobs.pace import Left
 from jobs.runner import Runner
 from jobs.store import Row, error_of
-from protocol.events import Alarm
+from protocol.events import Alarm, Announced, ProbeReported, StartupBlockRun
 from protocol.machine import MachineState
 from server.clock import Clock, seconds_since
 
@@ -19,7 +19,8 @@ AXIS_ORDER = "xyzabcuvw"
 MICROMETRE_DIGITS = 4
 
 
-def _axes(position: Mapping[str, float]) -> dict[str, float]:
+def axes_view(position: Mapping[str, float]) -> dict[str, float]:
+    """Coordinates in the usual order of the axes."""
     known = sorted(position, key=lambda axis: (AXIS_ORDER.find(axis), axis))
     return {axis: round(position[axis], MICROMETRE_DIGITS) for axis in known}
 
@@ -33,7 +34,7 @@ def state_view(state: MachineState, *, seq: int, at: str | None) -> dict[str, An
     """The last known state of a machine."""
     return {
         "status": state.status,
-        "position": {"machine": _axes(state.position), "work": _axes(state.work_position)},
+        "position": {"machine": axes_view(state.position), "work": axes_view(state.work_position)},
         "feed": state.feed_mm_min,
         "spindle": state.spindle_rpm,
         "overrides": dict(state.overrides),
@@ -45,6 +46,22 @@ def state_view(state: MachineState, *, seq: int, at: str | None) -> dict[str, An
         "seq": seq,
         "at": at,
     }
+
+
+def said(event: Announced | StartupBlockRun | ProbeReported) -> dict[str, Any]:
+    """What a controller says of itself for people, as a message of the log."""
+    match event:
+        case Announced(text=text):
+            return {"level": "info", "kind": "announced", "message": text}
+        case StartupBlockRun(block=block, code=code):
+            outcome = "was run" if code is None else f"failed with error {code}"
+            level = "info" if code is None else "warning"
+            return {"level": level, "kind": "startup_block", "message": f"The start-up block {block} {outcome}."}
+        case ProbeReported(position=position, succeeded=succeeded):
+            where = " ".join(f"{axis.upper()}{value:g}" for axis, value in axes_view(position).items())
+            message = f"The probe {'made contact' if succeeded else 'found nothing'} at {where} (machine coordinates)."
+            data = {"position": axes_view(position), "succeeded": succeeded}
+            return {"level": "info" if succeeded else "warning", "kind": "probe", "message": message, **data}
 
 
 def job_view(row: Row, clock: Clock, runner: Runner | None = None, left: Left | None = None) -> dict[str, Any]:
@@ -63,6 +80,8 @@ def job_view(row: Row, clock: Clock, runner: Runner | None = None, left: Left | 
         "tool": row["tool"] if runner is None else runner.tool,
         "hold": bool(row["hold"]) if runner is None else runner.holding,
         "cancelling": runner is not None and runner.cancelling and status is Status.RUNNING,
+        "mode": row["mode"],
+        "on_error": row["on_error"],
         "note": row["note"],
         "start_line": row["start_line"],
         "end_line": row["end_line"],

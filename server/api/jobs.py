@@ -62,6 +62,7 @@ def _create(app: FastAPI, services: Services) -> None:
             "empty_program",
             "idempotency_conflict",
             "queue_full",
+            "not_supported",
             "too_large",
             "disk_full",
         ),
@@ -86,6 +87,9 @@ def _create(app: FastAPI, services: Services) -> None:
             note=body.note,
             force=body.force,
             idempotency_key=idempotency_key,
+            mode=body.mode,
+            on_error=body.on_error,
+            ignored_errors=body.ignored_errors,
         )
         return json_response(job, 201, {"Location": f"/api/v1/jobs/{job['id']}"})
 

@@ -177,7 +177,12 @@ class CheckView(BaseModel):
 
 
 class JobRequest(BaseModel):
-    """A run of a program on a machine. `hold`: do not start by itself. `force`: run in spite of warnings."""
+    """A run of a program on a machine. `hold`: do not start by itself. `force`: run in spite of warnings.
+
+    `mode`, `on_error` and `ignored_errors` are for Grbl: `check` has the controller's own parser read the program
+    without motion; `on_error` says what follows a line that it refuses while more lines are inside (the default is in
+    the configuration); `ignore` holds for `ignored_errors`, or for every code where none is named.
+    """
 
     model_config = request_example(program=PROGRAM_ID, machine="router", note="second side")
     program: Annotated[str, Field(min_length=1, max_length=128)]
@@ -187,6 +192,9 @@ class JobRequest(BaseModel):
     hold: bool = False
     force: bool = False
     note: Annotated[str, Field(max_length=MAX_NOTE_CHARS)] | None = None
+    mode: Literal["run", "check"] = "run"
+    on_error: Literal["hold", "stop", "ignore"] | None = None
+    ignored_errors: Annotated[list[Annotated[int, Field(ge=1, le=255)]], Field(max_length=64)] | None = None
 
     @model_validator(mode="after")
     def _runs_forward(self) -> "JobRequest":

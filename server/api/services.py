@@ -7,6 +7,7 @@ raising `server.problems.ProblemError`, and what is returned is JSON as api.md d
 from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Any, Protocol
 
+from protocol.commands import OnError
 from server.hub import Hub
 from server.metrics import MachineMetrics
 from server.tokens import TokenStore
@@ -53,6 +54,9 @@ class Jobs(Protocol):
         note: str | None = None,
         force: bool = False,
         idempotency_key: str | None = None,
+        mode: str = "run",
+        on_error: OnError | None = None,
+        ignored_errors: Sequence[int] | None = None,
     ) -> Json: ...
     async def list(self, machine: str | None, status: str | None, limit: int, before: int | None) -> Sequence[Json]: ...
     async def get(self, job_id: int) -> Json: ...

@@ -1,0 +1,94 @@
+"""What people can ask of a machine, as commands of its protocol: data, a record for each protocol.
+
+Not when it may be asked (controller.py). The one rule: the controller asks for a verb that stands here, never for the
+name of a protocol; a verb that is None does not exist there.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from protocol.commands import CycleStart, FeedHold, Home, Jog, JogCancel, RunBlock, SoftReset, Stop
+from server.manual import Make, MakeRealtime
+
+MakeJog = Callable[[Mapping[str, float], float], Make]
+
+COMMON = ("connect", "home", "unlock", "reset", "estop", "pause", "resume", "stop", "jog", "commands", "tool_confirm")
+
+
+@dataclass(frozen=True, slots=True)
+class Verbs:
+    """`capabilities` as the API names them. `forbidden`: characters that no block may hold, for they end it or act at
+    once. `hold`, `go_on`, `drop`, `reset`, `cancel_jog` go out on the realtime lane, before anything else.
+
+    `refuses_at_once`: what it does not want to do, to home or to jog, it refuses before it begins.
+    """
+
+    capabilities: tuple[str, ...]
+    home: Make
+    jog: MakeJog
+    forbidden: frozenset[str]
+    hold: MakeRealtime | None = None
+    go_on: MakeRealtime | None = None
+    drop: MakeRealtime | None = None
+    reset: MakeRealtime | None = None
+    cancel_jog: MakeRealtime | None = None
+    unlocks_only_in_alarm: bool = False
+    homes_in_alarm: bool = False
+    refuses_at_once: bool = False
+    warnings: Mapping[str, str] = field(default_factory=dict)
+
+
+def _elvinto_jog(axes: Mapping[str, float], feed: float) -> Make:
+    # The machine itself remembers its mode and restores it (elvinto §6). STATE in the middle of a jog says G91,
+    # so what it says is no base for the next one.
+    words = " ".join(f"{axis.upper()}{number(way)}" for axis, way in sorted(axes.items()))
+    return lambda token: RunBlock(token, ("W70", "G91", f"G1 {words} F{number(feed)}", "W71"))
+
+
+def _grbl_jog(axes: Mapping[str, float], feed: float) -> Make:
+    return lambda token: Jog(token, dict(axes), feed)
+
+
+def number(value: float) -> str:
+    """Without an exponent, which no controller reads."""
+    return f"{value:.4f}".rstrip("0").rstrip(".")
+
+
+ELVINTO = Verbs(
+    capabilities=(*COMMON, "sd"),
+    home=lambda token: RunBlock(token, ("G28",)),
+    jog=_elvinto_jog,
+    forbidden=frozenset("|;\r\n"),
+)
+GRBL = Verbs(
+    capabilities=(
+        *COMMON,
+        "jog_cancel",
+        "firmware",
+        "settings",
+        "modal",
+        "offsets",
+        "startup_blocks",
+        "check_mode",
+        "sleep",
+        "restore",
+        "door",
+        "overrides",
+        "coolant",
+        "spindle_stop",
+    ),
+    home=Home,
+    jog=_grbl_jog,
+    forbidden=frozenset("!?~\r\n"),
+    hold=FeedHold,
+    go_on=CycleStart,
+    drop=Stop,
+    reset=SoftReset,
+    cancel_jog=JogCancel,
+    unlocks_only_in_alarm=True,
+    homes_in_alarm=True,
+    refuses_at_once=True,
+    warnings={"unlock": "The position may be lost: home the machine before the next job."},
+)
+VERBS: Mapping[str, Verbs] = {"elvinto": ELVINTO, "grbl": GRBL}
+"""By the protocol of a machine."""
