@@ -6,6 +6,7 @@ The one rule: `valid` refuses only what the controller would refuse or could not
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
@@ -128,6 +129,28 @@ SETTINGS: Final[dict[int, Setting]] = {
     **_axes(120, "acceleration", "mm/s2", "how fast the axis gains speed"),
     **_axes(130, "travel", "mm", "from the homed end; machine space goes from minus this to 0"),
 }
+
+_GRBL: Final[dict[int, Setting]] = {
+    0: Setting("step pulse", "us", "integer", 3, 255, "length of the step pulse"),
+    4: _flag("step enable invert", "inverts the enable pin of all axes"),
+    5: _flag("limit pins invert", "inverts the limit switches of all axes"),
+    10: _mask("status report", "what a status report holds", _REPORT_BITS[:2]),
+    21: _flag("hard limits", "a limit switch stops the machine"),
+    22: _flag("homing cycle", "homing is possible and needed at power-up"),
+    32: _flag("laser mode", "the spindle output follows the motion, without stops"),
+}
+"""What Grbl 1.1 takes otherwise than grblHAL."""
+
+
+def known(number: int, *, grblhal: bool) -> Setting | None:
+    """What is known of a setting of this firmware, or None."""
+    return SETTINGS.get(number) if grblhal else _GRBL.get(number) or SETTINGS.get(number)
+
+
+def of_grblhal(numbers: Iterable[int]) -> bool:
+    """Whether a controller with these settings is a grblHAL: every one has some that Grbl 1.1 lacks."""
+    return any(setting.grblhal for number in numbers if (setting := SETTINGS.get(number)) is not None)
+
 
 REPORT_INCHES: Final = 13
 STEPS_PER_MM: Final = 100

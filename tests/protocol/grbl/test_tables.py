@@ -3,7 +3,7 @@
 import pytest
 
 from protocol.grbl import codes, realtime
-from protocol.grbl.settings import SETTINGS
+from protocol.grbl.settings import SETTINGS, known, of_grblhal
 
 GRBL_ERRORS = {*range(1, 18), *range(20, 39)}
 GRBLHAL_ERRORS = {18, 19, *range(39, 59), *range(60, 67), 70, *range(71, 77), 77, 78, 79, *range(80, 93), 253}
@@ -61,6 +61,30 @@ def test_every_setting_of_grbl() -> None:
 )
 def test_values_that_a_controller_would_refuse(number: int, value: str, good: bool) -> None:
     assert (SETTINGS[number].valid(value) is None) is good
+
+
+@pytest.mark.parametrize(
+    ("number", "value", "grbl", "grblhal"),
+    [
+        (0, "2", False, True),
+        (5, "7", False, True),
+        (22, "3", False, True),
+        (32, "2", False, True),
+        (10, "3", True, True),
+    ],
+)
+def test_what_grbl_takes_otherwise_than_grblhal(number: int, value: str, grbl: bool, grblhal: bool) -> None:
+    for hal, good in ((False, grbl), (True, grblhal)):
+        setting = known(number, grblhal=hal)
+        assert setting is not None
+        assert (setting.valid(value) is None) is good
+
+
+def test_a_grblhal_is_known_by_its_settings() -> None:
+    assert not of_grblhal(GRBL_SETTINGS)
+    assert of_grblhal({*GRBL_SETTINGS, 39})
+    assert known(9999, grblhal=True) is None
+    assert list(getattr(known(10, grblhal=False), "bits", ())) == ["machine position", "buffer state"]
 
 
 def test_a_bad_value_is_told_with_the_range() -> None:
