@@ -12,6 +12,7 @@ from protocol.events import Status as MachineStatus
 
 STANDING: Final[frozenset[MachineStatus]] = frozenset({"hold", "door"})
 """The machine itself holds the motion in the middle of a batch."""
+AT_REST: Final[frozenset[MachineStatus]] = frozenset({"idle", "check"})
 
 
 @dataclass(frozen=True, slots=True)

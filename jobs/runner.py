@@ -16,7 +16,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from jobs import outcome
-from jobs.delivery import STANDING
 from jobs.effects import Effect, Entry, JournalBatch, RowStatus, SetHold, Submit
 from jobs.feed import Ahead, BatchSource
 from jobs.flight import Adopted, LinkSide, Wishes
@@ -132,7 +131,7 @@ class Runner(RunState):
         """The epoch is over. Of the batch in flight nothing more will be heard until the next one."""
         if self._link.last_life_at is None:
             self._link.last_life_at = last_life_at
-        self._link.up = self._standing = False
+        self._link.up, self._reported = False, None
         self._shelve()
         if self.status in ENDED:
             self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
@@ -159,11 +158,10 @@ class Runner(RunState):
                 self._done(flight, inferred=inferred, position=position, at=at)
             case BatchFailed() if flight := self.ledger.flight(event.id):
                 self._failed(event, flight)
-            case StateReported(status="alarm", alarm=alarm):
-                self._standing = False
-                self._stop(outcome.alarm("" if alarm is None else alarm.message))
-            case StateReported(status=status) if self.delivery.holds:
-                self._standing = status in STANDING
+            case StateReported(status=status, alarm=alarm):
+                self._reported = status
+                if status == "alarm":
+                    self._stop(outcome.alarm("" if alarm is None else alarm.message))
             case LineRefused() if flight := self.ledger.flight(event.id):
                 self._line_refused(event, flight)
             case ToolRequested(number=number) if self.delivery.holds:

@@ -9,20 +9,21 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from jobs import outcome
-from jobs.delivery import Delivery, Policy
+from jobs.delivery import AT_REST, STANDING, Delivery, Policy
 from jobs.effects import Effect, Note, RowStatus, SetStatus
 from jobs.feed import Feed
 from jobs.flight import Inheritance, LinkSide, Wishes
 from jobs.job import ENDED, JobError, Status
 from jobs.ledger import Flight, Ledger
 from jobs.outcome import MACHINE_GONE, Outcome
+from protocol.events import Status as MachineStatus
 
 
 @dataclass(slots=True)
 class RunState:
     """One job. `feed` yields what comes after the open rows; times in `now` are the engine's clock in seconds.
 
-    `standing`: the machine holds the motion by itself (Hold, Door). `refusal`: the line for which the job was held.
+    `_reported`: what the machine has last said that it is doing. `_refusal`: the line for which the job was held.
     """
 
     job_id: int
@@ -34,7 +35,7 @@ class RunState:
     delivery: Delivery = field(default_factory=Delivery)
     policy: Policy = field(default_factory=Policy)
     refused: int = 0
-    _standing: bool = False
+    _reported: MachineStatus | None = None
     _refusal: JobError | None = None
     _first_refusal: str = ""
     _wishes: Wishes = field(default_factory=Wishes)
@@ -44,6 +45,11 @@ class RunState:
     _effects: list[Effect] = field(default_factory=list)
 
     # --- what is derived --------------------------------------------------------------------------------------
+
+    @property
+    def _standing(self) -> bool:
+        """The machine holds the motion by itself, or somebody at the machine does."""
+        return self.delivery.holds and self._reported in STANDING
 
     @property
     def status(self) -> Status:
@@ -133,7 +139,10 @@ class RunState:
         return outcome.STOPPED_IN_THE_MIDDLE if in_doubt else Outcome(Status.CANCELLED)
 
     def _end(self, end: Outcome) -> None:
-        """Nothing is left to do. A check is passed only by a program of which no line was refused."""
+        """Nothing is left to do. A check is passed only by a program of which no line was refused. A machine that
+        can hold has to say that it is at rest (grbl I): only then may the next job have it."""
+        if self.delivery.holds and self._reported not in AT_REST:
+            return
         if self.policy.check and self.refused and end.status is Status.COMPLETED:
             end = outcome.lines_refused(self.refused, self._first_refusal)
         self._stop(end)

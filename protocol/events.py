@@ -248,9 +248,10 @@ class BatchSent:
 
 @dataclass(frozen=True, slots=True)
 class BatchReceived:
-    """The machine has accepted it and begins to execute."""
+    """The machine has accepted it. `begins`: and executes it now, for it has nothing else to do."""
 
     id: int
+    begins: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -358,6 +359,7 @@ Detail = (
     | ProgramEnded
     | FilesListed
     | BatchSent
+    | BatchReceived
     | BatchDone
     | BatchFailed
     | LineRefused
@@ -369,6 +371,4 @@ Detail = (
 )
 """Events that change no more than what they name."""
 
-Event = (
-    LinkReady | LinkLost | MachineRestarted | ControllerReset | StateReported | BatchReceived | ToolRequested | Detail
-)
+Event = LinkReady | LinkLost | MachineRestarted | ControllerReset | StateReported | ToolRequested | Detail

@@ -3,7 +3,7 @@
 Everything that people see of a machine comes from here. A state is never edited, it is replaced.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import assert_never
 
@@ -87,7 +87,7 @@ def reduce(state: MachineState, event: Event) -> MachineState:
             return MachineState(status=state.status)
         case ControllerReset(position_kept=kept):
             return _reset(state, kept=kept)
-        case BatchReceived():
+        case BatchReceived(begins=True):
             return replace(state, status="run") if state.status == "idle" else state
         case ToolRequested(number=number):
             return replace(state, status="tool", tool_requested=number)
@@ -109,7 +109,7 @@ def _told(state: MachineState, event: Detail) -> MachineState:
         case Homed():
             return replace(state, homed=True)
         case ModalRead(words=words):
-            return replace(state, modal=words)
+            return replace(state, modal=words, absolute=_absolute(words, state.absolute))
         case (
             ProtocolFault()
             | MessageSeen()
@@ -123,6 +123,7 @@ def _told(state: MachineState, event: Detail) -> MachineState:
             | ProgramEnded()
             | FilesListed()
             | BatchSent()
+            | BatchReceived()
             | BatchDone()
             | BatchFailed()
             | LineRefused()
@@ -135,6 +136,10 @@ def _told(state: MachineState, event: Detail) -> MachineState:
             return state
         case _:
             assert_never(event)
+
+
+def _absolute(words: Iterable[str], before: bool | None) -> bool | None:
+    return {"G90": True, "G91": False}.get(next((word for word in words if word in ("G90", "G91")), ""), before)
 
 
 def _reset(state: MachineState, *, kept: bool) -> MachineState:

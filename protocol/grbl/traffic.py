@@ -268,7 +268,7 @@ class Traffic(ABC):
         elif self._planner_blocks is not None:
             touched += self._executed.in_planner(self._planner_blocks)
         if errand.batch is not None and errand.answered == len(errand.lines):
-            self._emit(BatchReceived(errand.batch.id))
+            self._emit(BatchReceived(errand.batch.id, begins=False))
         if refused:
             self._refuse(entry, code, text, now)
         self._settle(touched)
