@@ -238,11 +238,15 @@ class JobService:
         await self.announce_queue(row["machine"])
         return await self.get(job_id)
 
+    async def queue(self, machine: str) -> Views:
+        """What waits for this machine, in order."""
+        rows = await self.db.run(store.queue, machine)
+        return [{"id": row["id"], "program_name": row["program_name"], "hold": bool(row["hold"])} for row in rows]
+
     async def announce_queue(self, machine: str) -> None:
         """Tell everybody how the queue stands."""
-        rows = await self.db.run(store.queue, machine)
-        self._lengths[machine] = len(rows)
-        jobs = [{"id": row["id"], "program_name": row["program_name"], "hold": bool(row["hold"])} for row in rows]
+        jobs = await self.queue(machine)
+        self._lengths[machine] = len(jobs)
         self._hub.publish("queue", machine, {"jobs": jobs})
 
     def _on_status(self, machine: str, status: Status) -> None:

@@ -47,9 +47,10 @@ SNAPSHOT_JOBS = 50
 
 async def snapshot(services: Services) -> Json:
     """Everything a page needs to show the workshop as it is now."""
-    data: Json = {"machines": [machine.view() for machine in services.machines.values()], "jobs": []}
+    data: Json = {"machines": [machine.view() for machine in services.machines.values()], "jobs": [], "queues": {}}
     try:
         data["jobs"] = list(await services.jobs.list(None, None, SNAPSHOT_JOBS, None))
+        data["queues"] = {name: list(await services.jobs.queue(name)) for name in services.machines}
     except ProblemError as problem:
         # A database that cannot answer (a full disk) must take neither the live state nor the e-stop away.
         data["problem"] = problem_body(problem)

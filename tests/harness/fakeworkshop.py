@@ -7,7 +7,7 @@ with a virtual machine, is in `workshop.py`.
 import asyncio
 import copy
 import sqlite3
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -149,6 +149,10 @@ class FakeJobs(Recording):
     async def cancel(self, job_id: int) -> Json:
         self.note("cancel", job_id)
         return self.job(job_id)
+
+    async def queue(self, machine: str) -> Sequence[Json]:
+        self.note("queue", machine)
+        return [{"id": 18, "program_name": "part.nc", "hold": True}]
 
     async def rerun(self, job_id: int) -> Json:
         self.note("rerun", job_id)

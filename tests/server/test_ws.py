@@ -43,6 +43,8 @@ def test_hello_is_first_and_shows_everything() -> None:
             assert set(hello) == {"seq", "type", "machine", "at", "data"}
             assert [MachineView.model_validate(one).name for one in hello["data"]["machines"]] == ["router", "lathe"]
             assert [JobView.model_validate(one).id for one in hello["data"]["jobs"]] == [17]
+            waiting = [{"id": 18, "program_name": "part.nc", "hold": True}]
+            assert hello["data"]["queues"] == {"router": waiting, "lathe": waiting}
             assert hello["data"]["resync"] is False
             assert hello["data"]["role"] == "admin"
             assert (await socket.hear())["seq"] == FIRST_SEQ + 1
