@@ -17,7 +17,7 @@ from gcode.words import Word, parse_block
 Offsets = Mapping[str, Mapping[str, float]]
 """In mm by name, G54 to G59.3, G28, G30, G92, TLO, and lower-case axis."""
 
-_SYSTEMS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
+SYSTEM_NAMES = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 _HOMES = {"G28": 28, "G30": 30}
 
 _FORGOTTEN = ("G92", "TLO")
@@ -76,7 +76,7 @@ def _offsets_into(state: State, offsets: Offsets | None, *, known: bool) -> None
     if offsets is None:
         state.shift, state.shift_active, state.tool_offset = nothing, not known, list(nothing)
         return
-    for number, name in enumerate(_SYSTEMS, 1):
+    for number, name in enumerate(SYSTEM_NAMES, 1):
         if name in offsets:
             state.systems[number] = _row(state, offsets[name])
     for name, number in _HOMES.items():

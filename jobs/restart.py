@@ -22,7 +22,12 @@ PLASMA = frozenset({"M7", "M8"})
 
 
 class CannotStartError(MillstreamError):
-    """The program cannot be started at this line; the message says why and what to do."""
+    """The program cannot be started at this line; the message says why and what to do. `reason`: one of
+    gcode.reentry.REASONS, where a plan to take it up was refused."""
+
+    def __init__(self, message: str, *, reason: str | None = None) -> None:
+        super().__init__(message)
+        self.reason = reason
 
 
 class Switches:

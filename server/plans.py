@@ -5,26 +5,36 @@ machine or the database.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
 from gcode.check import CheckOptions
+from gcode.held import Held
 from gcode.interpreter import power_on
 from gcode.motion import Motion
 from gcode.profile import Profile, load_profile
+from gcode.reentry import Reentry, Way
 from gcode.segments import Segments
 from gcode.state import State
 from jobs.batch import BatchLimits, BatchPlanner
 from jobs.expansion import check_stored, motion_of
 from jobs.program import ProgramStore
+from jobs.reentry import Course, check_blocks, plan_at, with_plan
 from jobs.restart import CannotStartError, Switches, first_block, prologue, with_prologue
 from jobs.store import Row
 from protocol.commands import Position
 from server.config import MachineConfig
+from server.reentryconfig import ReentryConfig
+from server.verbs import VERBS
 
 PREVIEW_BATCHES = 3
 PREVIEW_BLOCKS = 40
+
+NO_CLEARANCE = (
+    "Where the machine may move freely is not known: say `clearance` in the request that takes a job up, or for good "
+    "in [machine.reentry]"
+)
 
 RATELESS = ("sim:", "tcp:")
 """Ports without a baud rate."""
@@ -42,6 +52,9 @@ class Workpiece:
     encoding: str
     baud: int | None = None
     """Of a serial port; a network has no rate to hold a program against."""
+    reentry: ReentryConfig | None = None
+    """Of a controller that says what it holds and forgets it at a reset: its jobs are taken up by a plan. None: others
+    are told their modes again, and go on from where they stand."""
 
     @classmethod
     def of(cls, config: MachineConfig) -> "Workpiece":
@@ -55,16 +68,30 @@ class Workpiece:
             dialect.convert_inches,
             dialect.encoding,
             None if config.port.startswith(RATELESS) else config.baud,
+            config.reentry if "modal" in VERBS[config.protocol].capabilities else None,
         )
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A planner that stands before `line`, and the blocks that it sends first of all."""
+    """A planner that stands before `line`, and the blocks that it sends first of all: those of `reentry`, edited or
+    not, where the program is taken up by a plan."""
 
     planner: BatchPlanner
     line: int
     prologue: tuple[str, ...] = ()
+    reentry: Reentry | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """How a program is taken up in the middle. `began`: what the controller held before its first line, None where that
+    is not known. `blocks`: the plan as somebody has edited it. `operator_done`: what only people can do is done."""
+
+    way: Way
+    began: Held | None
+    blocks: tuple[str, ...] | None = None
+    operator_done: bool = False
 
 
 class Planning:
@@ -73,14 +100,29 @@ class Planning:
     def __init__(self, programs: ProgramStore) -> None:
         self._programs = programs
 
-    def start(self, piece: Workpiece, row: Row, *, line: int, position: Position, absolute: bool | None) -> Plan:
-        """Begin at `line`, the machine standing at `position`. From the middle, the modal state is restored first."""
+    def start(
+        self,
+        piece: Workpiece,
+        row: Row,
+        *,
+        line: int,
+        position: Position,
+        absolute: bool | None,
+        held: Held | None = None,
+        entry: Entry | None = None,
+    ) -> Plan:
+        """Begin at `line`, the machine standing at `position`. From the middle, the modal state is restored first.
+
+        `held`: what the controller holds now, where it can be asked. `entry`: how it is taken up; None: as configured.
+        """
         last, encoding = row["end_line"], piece.encoding
         if line > last:
             return Plan(self._planner(piece, ()), line)
         if line <= 1:
             lines = self._lines(row, 1, last)
-            return Plan(_opened(self._planner(piece, lines, position=position, absolute=absolute)), 1)
+            return Plan(_opened(self._planner(piece, lines, position=position, absolute=absolute, held=held)), 1)
+        if piece.reentry is not None:
+            return self._take_up(piece, row, line, held or Held(), entry or _as_configured(piece, row, held or Held()))
         switches = Switches(self._lines(row, 1, line - 1), encoding)
         scout = self._planner(piece, switches, absolute=None, skip_to=line)
         first = first_block(self._lines(row, line, last), encoding)
@@ -97,6 +139,27 @@ class Planning:
         planner = self._planner(piece, whole, absolute=absolute, skip_to=line - 1)
         planner.relocate(position)
         return Plan(planner, line, tuple(blocks))
+
+    def reentry(self, piece: Workpiece, row: Row, *, line: int, held: Held, entry: Entry) -> Reentry:
+        """The plan to take the program up at `line`. Raises CannotStartError with its reason."""
+        before, rest = self._lines(row, 1, line - 1), self._lines(row, line, row["end_line"])
+        course = Course(before, rest, line, piece.profile, piece.encoding)
+        return plan_at(course, entry.way, began=entry.began, now=held)
+
+    def _take_up(self, piece: Workpiece, row: Row, line: int, held: Held, entry: Entry) -> Plan:
+        reentry = self.reentry(piece, row, line=line, held=held, entry=entry)
+        by_people = [step.note for step in reentry.steps if not step.text]
+        if by_people and not entry.operator_done:
+            raise CannotStartError(
+                f"Somebody has to see to this first: {'; '.join(by_people)}. Then say so: `operator_done` with "
+                "recover, `force` with a new job."
+            )
+        if entry.blocks is not None:
+            check_blocks(entry.blocks, piece.profile, held)
+        blocks = reentry.blocks if entry.blocks is None else entry.blocks
+        lines = with_plan(line, blocks, reentry.takes_over, self._lines(row, line, row["end_line"]))
+        planner = self._planner(piece, lines, position=held.position, absolute=None, held=held)
+        return Plan(_opened(planner), line, blocks, reentry)
 
     def go_on(self, piece: Workpiece, row: Row, *, line: int) -> BatchPlanner:
         """What comes from `line` on, for a machine that executed everything before it and kept its modal state."""
@@ -135,6 +198,7 @@ class Planning:
         position: Position | None = None,
         absolute: bool | None = True,
         skip_to: int = 1,
+        held: Held | None = None,
     ) -> BatchPlanner:
         return BatchPlanner(
             lines,
@@ -147,7 +211,18 @@ class Planning:
             position=position,
             absolute=absolute,
             skip_to=skip_to,
+            held=held,
         )
+
+
+def _as_configured(piece: Workpiece, row: Row, held: Held) -> Entry:
+    """Of a new job that begins in the middle: in the modes of now, as it would from its first line; where the machine
+    stood before that line, nobody knows. Raises CannotStartError."""
+    assert piece.reentry is not None
+    way = piece.reentry.way(laser=piece.motion.laser)
+    if way is None:
+        raise CannotStartError(f"{NO_CLEARANCE}.")
+    return Entry(way, replace(held, position={}), operator_done=bool(row["forced"]))
 
 
 def _at_zero(profile: Profile) -> State:

@@ -1,16 +1,19 @@
 """From rows to planners: from the start, from the middle, after a crash."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from gcode.held import Held
+from gcode.reentry import Way
 from jobs.batch import PlannedBatch
 from jobs.program import ProgramStore, UnknownProgramError
 from jobs.restart import CannotStartError
 from server.config import MachineConfig
-from server.plans import PREVIEW_BLOCKS, Planning, Workpiece
+from server.plans import PREVIEW_BLOCKS, Entry, Planning, Workpiece
 
 TEXT = b"G90\nG1 X1 F600\nG1 X2\nG1 X3\nG1 X4\nM30\n"
 
@@ -126,3 +129,84 @@ def test_a_drawing_begins_at_the_zero_of_the_program(store: ProgramStore, text: 
     assert found.start[:2].T.tolist() == [[0.0, 0.0], [1.0, 2.0]]
     assert found.end[:2].T.tolist() == [[1.0, 2.0], [2.0, 2.0]]
     assert not found.start[2:].any()
+
+
+# --- a controller that forgets, and says what it holds ------------------------------------------------------------
+
+HELD = Held(("G0", "G54", "G17", "G21", "G90", "G94", "M5", "M9", "T0", "F0", "S0"), {}, {"x": 9.0, "y": 0.0, "z": 1.0})
+MILLED = b"G90 T2\nG0 X1 Y1 Z5\nG1 Z-1 F600\nG2 X5 R9\nX9 R9\nX11 R9\nM30\n"
+
+
+def grbl(**reentry: Any) -> Workpiece:
+    machine = {"name": "g", "port": "sim:", "protocol": "grbl", "reentry": reentry}
+    return Workpiece.of(MachineConfig.model_validate(machine))
+
+
+def taken_up(store: ProgramStore, line: int, entry: Entry | None = None, **changes: Any) -> Any:
+    job = row(store, MILLED, **{"forced": 0} | changes)
+    piece = grbl(clearance=30.0, plunge_feed=80.0)
+    return Planning(store).start(piece, job, line=line, position={}, absolute=None, held=HELD, entry=entry)
+
+
+def test_grbl_takes_a_program_up_by_a_plan(store: ProgramStore) -> None:
+    plan = taken_up(store, 5, forced=1)
+    assert plan.reentry is not None
+    assert plan.prologue == plan.reentry.blocks
+    assert {"G0 Z30", "T2", "G0 X5 Y1", "G1 Z-1 F80"} <= set(plan.prologue)
+    found = list(batches(plan.planner))
+    sent = [block for batch in found for block in batch.blocks]
+    # Line 5 goes on with an arc by its words only: the plan says it, and the rest begins behind it.
+    assert sent[-3:] == ["G2X9R9", "X11R9", "M30"]
+    lines = [batch.line_of(number) for batch in found for number in range(len(batch.blocks))]
+    assert lines[-3:] == [5, 6, 7]
+    assert set(lines[:-3]) == {4}, "until the plan is done, line 5 is not"
+
+
+def test_what_only_people_can_do_is_done_before(store: ProgramStore) -> None:
+    with pytest.raises(CannotStartError, match=r"make sure that tool 2 is in the spindle.*operator_done"):
+        taken_up(store, 5)
+    way = Way(10.0, 50.0)
+    assert taken_up(store, 5, Entry(way, HELD, operator_done=True)).line == 5
+
+
+def test_a_plan_that_somebody_has_edited_is_sent_instead_of_ours(store: ProgramStore) -> None:
+    edited = ("G90", "G0 Z40", "G0 X5 Y1", "G1 Z-1 F10", "G2 X9 R9")
+    plan = taken_up(store, 5, Entry(Way(10.0, 50.0), HELD, edited, operator_done=True))
+    assert plan.prologue == edited
+    assert blocks(plan.planner) == ["G90", "G0Z40", "X5Y1", "G1Z-1F10", "G2X9R9", "X11R9", "M30"]
+    with pytest.raises(CannotStartError, match="Block 1 of the edited plan, 'M2'"):
+        taken_up(store, 5, Entry(Way(10.0, 50.0), HELD, ("M2",), operator_done=True))
+
+
+def test_where_the_machine_may_move_freely_is_not_guessed(store: ProgramStore) -> None:
+    job = row(store, MILLED, forced=1)
+    with pytest.raises(CannotStartError, match=r"\[machine.reentry\]"):
+        Planning(store).start(grbl(), job, line=5, position={}, absolute=None, held=HELD)
+
+
+def test_what_cannot_be_taken_up_has_a_reason(store: ProgramStore) -> None:
+    job = row(store, b"G91\nG1 X1 F60\nG1 X1\n", forced=1)
+    with pytest.raises(CannotStartError, match="Start at a line") as refused:
+        Planning(store).start(grbl(clearance=5.0), job, line=3, position={}, absolute=None, held=HELD)
+    assert refused.value.reason == "position_unknown"
+
+
+def test_from_the_start_grbl_needs_no_plan_and_begins_in_the_modes_that_it_has(store: ProgramStore) -> None:
+    held = replace(HELD, modal=("G1", "G91"))
+    job = row(store, b"X1 F60\nX1\n")
+    plan = Planning(store).start(grbl(), job, line=1, position={"x": 5.0}, absolute=None, held=held)
+    (batch,) = batches(plan.planner)
+    assert (plan.prologue, plan.reentry, batch.end["x"]) == ((), None, 7.0)
+
+
+def test_a_program_in_inches_is_taken_up_in_inches_or_converted_with_its_plan(store: ProgramStore) -> None:
+    inches = row(store, b"G20 G90\nG0 X1 Y1 Z1\nG1 Z-1 F10\nG1 X2\nG1 X3\n", forced=1)
+    entry = Entry(Way(50.8, 254.0), HELD, operator_done=True)
+    for convert, over, last in ((False, "G0 X2 Y1", "G1X3"), (True, "X50.8Y25.4", "X76.2")):
+        machine = {"name": "g", "port": "sim:", "protocol": "grbl", "grbl": {"convert_inches": convert}}
+        piece = Workpiece.of(MachineConfig.model_validate(machine))
+        plan = Planning(store).start(piece, inches, line=5, position={}, absolute=None, held=HELD, entry=entry)
+        assert "G20" in plan.prologue
+        sent = blocks(plan.planner)
+        assert over.replace(" ", "").removeprefix("G0") in " ".join(sent)
+        assert sent[-1].endswith(last.removeprefix("G1"))

@@ -1,0 +1,142 @@
+"""Taking a program up at a line on a controller that has forgotten its modes: the plan, and the lines that run it.
+
+Not how the plan is made (gcode/resume.py) and not ElVinto's way, which goes on from where the machine stands
+(restart.py). The one rule: plan and rest are one stream of lines; until the plan is done, the line is not.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, islice
+from math import isnan
+
+from gcode.check.words import judge
+from gcode.entry import AHEAD_BLOCKS
+from gcode.held import SYSTEM_NAMES, Held, state_of
+from gcode.interpreter import Interpreter
+from gcode.offsets import adrift
+from gcode.profile import Profile
+from gcode.resume import CannotResumeError, Past, Reentry, Way, past_of, plan_reentry
+from gcode.state import State
+from gcode.words import Block, decode_line, parse_block
+from jobs.restart import CannotStartError, Lines
+
+PIECE_LINES = 20_000
+"""Lines that are followed at once."""
+MAX_BLOCKS = 200
+"""Of a plan that somebody has edited; ours have some twenty."""
+
+SHIFT_ASSUMED = (
+    "Whether a shift (G92) or a tool length was in force when the job began was not told: none is assumed. "
+    "Compare the coordinates with the workpiece."
+)
+MODES_ASSUMED = (
+    "In which modes the job began is not known: those of a controller that was just switched on are assumed."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A program as one has it: the lines before, and the rest from `line` on. `encoding` is that of its comments."""
+
+    before: Lines
+    rest: Lines
+    line: int
+    profile: Profile
+    encoding: str
+
+
+def plan_at(course: Course, way: Way, *, began: Held | None, now: Held) -> Reentry:
+    """The plan. `began`: what the controller held, and where it stood, before the first line.
+
+    Raises CannotStartError with one of gcode.reentry.REASONS.
+    """
+    profile = course.profile
+    start = Held() if began is None else began.again(now)
+    past = past_of(
+        _pieces(course.before),
+        course.line,
+        profile,
+        state=state_of(start, profile, assume=True),
+        laser=way.laser,
+        encoding=course.encoding,
+    )
+    rest = (parse_block(decode_line(raw, course.encoding)) for _, raw in islice(course.rest, AHEAD_BLOCKS))
+    position = _place_in(past.state, state_of(now, profile)) if now.offsets is not None else None
+    try:
+        plan = plan_reentry(past, rest, profile, way, position=position)
+    except CannotResumeError as error:
+        raise CannotStartError(str(error), reason=error.reason) from error
+    return replace(plan, warnings=(*_doubts(past, began, now), *plan.warnings))
+
+
+def with_plan(line: int, blocks: Sequence[str], takes_over: int, rest: Lines) -> Lines:
+    """The plan's blocks and the rest without what the plan has said. All are under `line - 1`, for until the last of
+    them is done `line` is not; the last one is under the last line that the plan takes over."""
+    numbers = [line - 1] * (len(blocks) - 1) + [line - 1 + takes_over]
+    said = ((number, text.encode()) for number, text in zip(numbers, blocks, strict=True))
+    return chain(said, islice(iter(rest), takes_over, None))
+
+
+def check_blocks(blocks: Sequence[str], profile: Profile, now: Held) -> None:
+    """Raises CannotStartError for a plan, edited by somebody, that this controller would not take block by block."""
+    if not 0 < len(blocks) <= MAX_BLOCKS:
+        raise CannotStartError(f"The edited plan has {len(blocks)} blocks; 1 to {MAX_BLOCKS} can be sent.")
+    interpreter = Interpreter(profile, state_of(now, profile, assume=True))
+    for number, text in enumerate(blocks, 1):
+        block = parse_block(text)
+        interpreter.step(number, block)
+        notes = [note.message for note in interpreter.notes if note.line == number and note.level == "error"]
+        for message in (*_faults(block, profile), *notes):
+            raise CannotStartError(f"Block {number} of the edited plan, {text!r}: {message}.")
+
+
+def _faults(block: Block, profile: Profile) -> Iterator[str]:
+    yield from (fault.message for fault in block.faults)
+    if not block.words:
+        yield "there is nothing in it to send"
+    if len(block.text) > profile.max_block_bytes:
+        yield f"it has {len(block.text)} characters, the machine takes {profile.max_block_bytes}"
+    for word in block.words:
+        is_code = word.letter in profile.code_letters
+        verdict = judge(profile, word.code if is_code else word.letter)
+        if verdict is not None and verdict[0] == "error":
+            yield verdict[2]
+        code = profile.codes.get(word.code) if is_code else None
+        if code is not None and code.effect in ("program_end", "subprogram"):
+            yield f"{code.name} does not belong into a plan: it would end the job"
+        lowest, highest = profile.ranges.get(word.letter, (word.value, word.value))
+        if not lowest <= word.value <= highest:
+            yield f"{word.letter} is from {lowest:.12g} to {highest:.12g}"
+
+
+def _pieces(lines: Lines) -> Iterator[bytes]:
+    source = iter(lines)
+    while taken := [raw for _, raw in islice(source, PIECE_LINES)]:
+        yield b"\n".join(taken) + b"\n"
+
+
+def _place_in(before: State, now: State) -> dict[str, float]:
+    """Where the machine stands, in the program coordinates of the state before the line; axes that can be told."""
+    lost = adrift(before) | adrift(now)
+    return {
+        axis.lower(): machine - offset
+        for row, (axis, machine, offset) in enumerate(zip(now.axes, now.position, before.frame, strict=True))
+        if row not in lost and not isnan(machine)
+    }
+
+
+def _doubts(past: Past, began: Held | None, now: Held) -> Iterable[str]:
+    """What the plan rests on without proof."""
+    if began is None:
+        yield MODES_ASSUMED
+    elif began.offsets is None:
+        yield SHIFT_ASSUMED
+    elif now.offsets is not None and "data" not in past.said:
+        name = SYSTEM_NAMES[past.state.system - 1]
+        then, here = began.offsets.get(name, {}), now.offsets.get(name, {})
+        if then != here:
+            yield f"{name} was {_shown(then)} when the job began and is {_shown(here)} now: its zero was set anew."
+
+
+def _shown(at: Mapping[str, float]) -> str:
+    return " ".join(f"{axis.upper()}{value:g}" for axis, value in at.items()) or "nothing"
