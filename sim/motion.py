@@ -5,8 +5,8 @@ The one rule: no clock and no state in here; a leg answers where the carriage is
 """
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 AXES = "XYZABC"
 """The order of the axes in every point; ElVinto's AXISNUM counts them from 1."""
@@ -57,7 +57,8 @@ class Trapezoid:
         return self.length_mm - self.acceleration * (total_s - elapsed_s) ** 2 / 2
 
 
-class Leg(NamedTuple):
+@dataclass(slots=True)  # not frozen: that doubles the time of making one, and there is one a block
+class Leg:
     """One straight line, or with a `centre` one arc or helix about it; `sweep_rad` > 0 is counter-clockwise."""
 
     start: Point
@@ -109,7 +110,7 @@ class Leg(NamedTuple):
 
     def cut(self, fraction: float) -> "Leg":
         """The first part of this leg."""
-        return self._replace(end=self.at(fraction), sweep_rad=self.sweep_rad * fraction)
+        return replace(self, end=self.at(fraction), sweep_rad=self.sweep_rad * fraction)
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,22 +48,21 @@ def parse(raw: bytes) -> Message:
     name, *fields = raw.removesuffix(b";").split(b",")
     params: dict[str, bytes] = {}
     for text in fields:
-        key, less, value = text.partition(b"<")
-        key = key.strip(BLANKS)
+        written, less, value = text.partition(b"<")
+        key = written.strip(BLANKS).decode("latin-1")
         if not less or not key:
             raise MalformedError("a parameter without key or `<`")
-        if key.decode("latin-1") in params:
+        if key in params:
             raise MalformedError("a key twice")
-        params[key.decode("latin-1")] = _value(value.strip(BLANKS))
+        value = value.strip(BLANKS)
+        params[key] = value[1:] if value.startswith(b"#") else _decoded(value)
     name = name.strip(BLANKS)
     if not name:
         raise MalformedError("no name")
     return Message(name.decode("latin-1"), params)
 
 
-def _value(text: bytes) -> bytes:
-    if text.startswith(b"#"):
-        return text[1:]
+def _decoded(text: bytes) -> bytes:
     try:
         return base64.b64decode(text, validate=True)
     except binascii.Error as error:

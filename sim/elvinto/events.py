@@ -44,12 +44,12 @@ class MessageDropped:
     raw: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # not frozen: that doubles the time of making one, and there are two a block
 class BlockStarted:
     block: Executed
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class BlockFinished:
     block: Executed
 

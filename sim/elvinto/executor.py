@@ -40,6 +40,7 @@ class Executor:
         self._plan: Plan | None = None
         self._block: Executed | None = None
         self._leg_ends_s: list[float] = []
+        """Of the present plan, if it has legs and they take time."""
         self._tool_said = False
 
     def start(self, command: Command, at: float) -> Iterator[SimEvent | Asked | ProgramEnded]:
@@ -49,14 +50,15 @@ class Executor:
 
     def advance(self, at: float) -> Iterator[SimEvent | Asked | ProgramEnded]:
         """The present block has ended at `at` (or there is none yet): what follows, until time has to pass again."""
-        while self.command is not None:
+        while (command := self.command) is not None:
             plan = self._plan
             if plan is None:
-                text = next(self.command.blocks, None)
-                yield self._end_command(None) if text is None else self._begin_block(text, at)
+                text = next(command.blocks, None)
+                yield self._end_command(None) if text is None else self._begin_block(text, command, at)
             elif plan.only_moves:
                 self._mill.stop(plan, 0, None)
                 yield self._finish_block(at)
+                continue
             else:
                 yield from self._end_block(plan, at)
             if self._plan is not None and (self.ends_at is None or self.ends_at > at):
@@ -97,20 +99,19 @@ class Executor:
         last = len(self._plan.legs) - 1
         return last, self._plan.legs[last].seconds
 
-    def _begin_block(self, text: str, at: float) -> SimEvent:
-        assert self.command is not None
+    def _begin_block(self, text: str, command: Command, at: float) -> SimEvent:
         try:
-            self._plan = self._mill.begin(text)
+            plan = self._plan = self._mill.begin(text)
         except BlockError as error:
             return self._end_command(error.num)
-        self._block = Executed(text, self.command.id, at)
+        block = self._block = Executed(text, command.id, at)
         self.ends_at = at
-        if legs := self._plan.legs:
+        if legs := plan.legs:
             self.has_moved = True
             if not self._settings.instant:
                 self._leg_ends_s = list(accumulate(leg.seconds for leg in legs))
                 self.ends_at = at + self._leg_ends_s[-1] / self._settings.speed_factor
-        return BlockStarted(self._block)
+        return BlockStarted(block)
 
     def _end_block(self, plan: Plan, at: float) -> Iterator[SimEvent | Asked | ProgramEnded]:
         assert self.command is not None
@@ -154,11 +155,8 @@ class Executor:
         return ended
 
     def _forget_block(self) -> None:
-        self._plan = None
-        self._block = None
-        self._leg_ends_s = []
+        self._plan = self._block = self.ends_at = None
         self._tool_said = False
-        self.ends_at = None
 
     def _clear(self) -> None:
         self._forget_block()

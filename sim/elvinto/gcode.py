@@ -5,8 +5,9 @@ No motion and no state. The one rule: a code that is not in the table does not e
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final
 
 ERR_UNKNOWN_COMMAND: Final = 1
 ERR_PARAMETER: Final = 2
@@ -44,7 +45,7 @@ MAX_NUMBER: Final = 1e9
 
 _WORD = re.compile(r"\s*([A-Za-z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
 _NUMBER = r"([+-]?[0-9]{1,8}(?:\.[0-9]{0,9})?)"
-_PLAIN = re.compile(rf"(G[01])?(?:X{_NUMBER})?(?:Y{_NUMBER})?(?:Z{_NUMBER})?(?:F{_NUMBER})?")
+_plain = re.compile(rf"(G[01])?(?:X{_NUMBER})?(?:Y{_NUMBER})?(?:Z{_NUMBER})?(?:F{_NUMBER})?").fullmatch
 """What nearly every block is. Read in one go: a virtual machine is measured by how little it takes."""
 
 _SD_NOISE = re.compile(r"\([^)]*\)|;.*|%|\b[NO]\d+", re.ASCII | re.IGNORECASE)
@@ -58,23 +59,20 @@ class BlockError(Exception):
         self.num = num
 
 
-class Words(NamedTuple):
+@dataclass(slots=True)  # not frozen: that doubles the time of making one, and there is one a block
+class Words:
     """A block taken apart: its codes in the order written, and the other words by letter."""
 
     codes: tuple[str, ...]
     values: dict[str, float]
 
-    @property
-    def moves(self) -> bool:
-        return not AXIS_LETTERS.isdisjoint(self.values)
-
 
 def read_block(text: str) -> Words:
     """Raises BlockError for what is no word, a letter twice, two motions, and a code that does not exist."""
-    plain = _PLAIN.fullmatch(text)
-    if plain is None:
+    found = _plain(text)
+    if found is None:
         return read_words(text)
-    motion, x, y, z, feed = plain.groups()
+    motion, x, y, z, feed = found.groups()
     values: dict[str, float] = {}
     if x is not None:
         values["X"] = float(x)

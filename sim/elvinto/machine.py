@@ -297,13 +297,14 @@ class VirtualElvinto:
     def _work(self, happenings: Iterable[SimEvent | Asked | ProgramEnded]) -> None:
         command = self._executor.command
         from_card = command is not None and command.from_card
+        reports, append = not self.settings.instant, self._events.append
         for happening in happenings:
             match happening:
                 case BlockFinished():
                     pass
                 case BlockStarted():
                     self._note(happening.block)
-                    if not self.settings.instant and self._reports_moves(from_card) and self._executor.moving:
+                    if reports and self._reports_moves(from_card) and self._executor.moving:
                         self._reports.moving(self._now)
                 case Asked(code):
                     self._tell(code)
@@ -324,7 +325,7 @@ class VirtualElvinto:
                     if self._reports_moves(from_card) and self._executor.has_moved:
                         self._reports.came_to_rest(self._now)
                     continue
-            self._events.append(happening)
+            append(happening)
 
     def _reports_moves(self, from_card: bool) -> bool:
         return self.mill.reports_moves or from_card

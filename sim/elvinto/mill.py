@@ -7,10 +7,10 @@ the travel), *true* (where the carriage really stands from the switches; unknown
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from sim.elvinto.gcode import (
+    AXIS_LETTERS,
     ERR_BAD_ARC,
     ERR_BAD_CYCLE,
     ERR_PARAMETER,
@@ -40,11 +40,10 @@ MAX_LEGS = 30_000
 """Of one block: a peck of a micrometre must not take all memory."""
 
 
-@dataclass(slots=True)
 class Plan:
     """What one block does: its legs, and what happens when they are done."""
 
-    legs: list[Leg] = field(default_factory=list)
+    # Defaults of the class: of almost every block there is nothing but its legs to set.
     homes: bool = False
     alarm: tuple[int, int] | None = None
     """(ALARMNUM, AXISNUM) at the end of the last leg: it was cut at the border of the field."""
@@ -53,11 +52,14 @@ class Plan:
     emergency: bool = False
     ends_program: bool = False
 
+    def __init__(self) -> None:
+        self.legs: list[Leg] = []
+
     @property
     def only_moves(self) -> bool:
         """Nothing else happens at its end: of almost every block that is true."""
-        told = self.alarm is not None or self.tool is not None or self.query is not None
-        return not (told or self.emergency or self.ends_program)
+        happens = self.emergency or self.ends_program
+        return not happens and self.alarm is None and self.tool is None and self.query is None
 
 
 Placing: TypeAlias = Callable[["Mill", Words, Plan], None]
@@ -85,8 +87,9 @@ class Mill:
 
     def __init__(self, settings: SimSettings) -> None:
         self._settings = settings
-        true_x, true_y, true_z = settings.start_position
-        self._true: Point = (true_x, true_y, true_z, 0.0, 0.0, 0.0)
+        self.shown: Point = ORIGIN
+        self._zero: Point = (*settings.start_position, 0.0, 0.0, 0.0)
+        """Where the zero of what is shown lies, counted from the limit switches."""
         self._low: Point = self._border(0)
         self._high: Point = self._border(1)
         self.faulty_switch: tuple[int, int] | None = None
@@ -100,7 +103,7 @@ class Mill:
 
     def forget(self) -> None:
         """Power-on: coordinates 0 wherever the carriage stands, no envelope control (§7)."""
-        self.shown: Point = ORIGIN
+        self._zero, self.shown = self.true, ORIGIN
         self.offset: Point = ORIGIN
         self.envelope = False
         self.absolute = True
@@ -120,17 +123,33 @@ class Mill:
     @property
     def true(self) -> Point:
         """Where the carriage really stands, counted from the limit switches."""
-        return self._true
+        return _plus(self.shown, self._zero)
 
     def begin(self, block: str) -> Plan:
         """Take a block: modal changes happen at once, motion is only planned. Raises BlockError."""
         words = read_block(block)
         plan = Plan()
         values = words.values
-        self.feed_mm_min = values.get("F", self.feed_mm_min)
-        self.spindle_rpm = values.get("S", self.spindle_rpm)
+        if "F" in values:
+            self.feed_mm_min = values["F"]
+        if "S" in values:
+            self.spindle_rpm = values["S"]
         if "T" in values:
             self.tool = int(values["T"])
+        motion, placing = self._codes(words, plan) if words.codes else ("", "")
+        if placing:
+            _PLACINGS[placing](self, words, plan)
+            self.motion = motion or self.motion
+        elif motion or not AXIS_LETTERS.isdisjoint(values):
+            self._move(motion or self.motion, words, plan)
+        if self.envelope and not plan.homes:
+            self._guard(plan)
+        if "M30" in words.codes:
+            self._reset_modal()
+        return plan
+
+    def _codes(self, words: Words, plan: Plan) -> tuple[str, str]:
+        """Sets modes; the code of motion and the one that takes the axis words in its place, empty for none."""
         motion = placing = ""
         for code in words.codes:
             if code in MOTION:
@@ -139,29 +158,16 @@ class Mill:
                 placing = code
             elif code not in IGNORED:
                 self._mode(code, words, plan)
-        if placing:
-            _PLACINGS[placing](self, words, plan)
-            self.motion = motion or self.motion
-        elif words.moves or motion:
-            self._move(motion or self.motion, words, plan)
-        if self.envelope and not plan.homes:
-            self._guard(plan)
-        if "M30" in words.codes:
-            self._reset_modal()
-        return plan
+        return motion, placing
 
     def stop(self, plan: Plan, leg_index: int, elapsed_s: float | None) -> None:
         """The carriage stands still in that leg, or at the end of the plan when `elapsed_s` is None."""
-        done = plan.legs if elapsed_s is None else plan.legs[: leg_index + 1]
-        if not done:
+        if not plan.legs:
             return
-        before, was = self.shown, self._true
-        if plan.homes and any(leg.rebases for leg in done):
-            before, was = ORIGIN, ORIGIN
-            self.offset = ORIGIN
+        if plan.homes and any(leg.rebases for leg in plan.legs[: None if elapsed_s is None else leg_index + 1]):
+            self._zero = self.offset = ORIGIN
             self.envelope = True
-        self.shown = done[-1].end if elapsed_s is None else done[-1].after(elapsed_s)
-        self._true = _plus(was, _minus(self.shown, before))
+        self.shown = plan.legs[-1].end if elapsed_s is None else plan.legs[leg_index].after(elapsed_s)
 
     def _reset_modal(self) -> None:
         """M30: end of program with a reset of the modal functions (§3)."""
@@ -215,15 +221,15 @@ class Mill:
 
     def _go(self, plan: Plan, end: Point, *, feed: bool = False) -> None:
         """A straight leg from where the plan has come to; rapid unless `feed`."""
-        start = self._at(plan)
+        legs = plan.legs
+        start = legs[-1].end if legs else self.shown
         if start != end:
             speed = self._feed_mm_s if feed else self._settings.rapid_mm_min / 60
-            plan.legs.append(Leg(start, end, speed, self._settings.acceleration))
+            legs.append(Leg(start, end, speed, self._settings.acceleration))
 
     @property
     def _feed_mm_s(self) -> float:
-        feed = self.feed_mm_min if self.feed_mm_min > 0 else self._settings.default_feed_mm_min
-        return feed / 60
+        return (self.feed_mm_min if self.feed_mm_min > 0 else self._settings.default_feed_mm_min) / 60
 
     def _target(self, start: Point, values: dict[str, float]) -> Point:
         x, y, z, a, b, c = start
@@ -233,9 +239,8 @@ class Mill:
         return _plus(start, (get("X", 0.0), get("Y", 0.0), get("Z", 0.0), get("A", 0.0), get("B", 0.0), get("C", 0.0)))
 
     def _move(self, motion: str, words: Words, plan: Plan) -> None:
-        start = self._at(plan)
-        if motion in ("G0", "G1"):
-            self._go(plan, self._target(start, words.values), feed=motion == "G1")
+        if motion == "G1" or motion == "G0":
+            self._go(plan, self._target(self._at(plan), words.values), feed=motion == "G1")
         elif motion in ("G2", "G3"):
             self._arc(motion == "G2", words, plan)
         else:
@@ -251,7 +256,7 @@ class Mill:
                 raise BlockError(ERR_BAD_ARC)
         elif "I" in values or "J" in values:
             offset = (values.get("I", 0.0), values.get("J", 0.0))
-        elif words.moves:
+        elif not AXIS_LETTERS.isdisjoint(values):
             raise BlockError(ERR_BAD_ARC)
         else:
             return
@@ -291,10 +296,10 @@ class Mill:
             plan.alarm, self.faulty_switch = self.faulty_switch, None
             return
         start = self._at(plan)
-        home = _plus(_minus(self.shown, self._true), (0.0, 0.0, self._settings.safe_z, 0.0, 0.0, 0.0))
+        home = _minus((0.0, 0.0, self._settings.safe_z, 0.0, 0.0, 0.0), self._zero)
         for axes in ("Z", "ZY", "ZYX"):
             self._go(plan, _replace(start, **{axis: home[AXES.index(axis)] for axis in axes}))
-        base = (0.0, 0.0, self._settings.safe_z, *self._true[3:])
+        base = (0.0, 0.0, self._settings.safe_z, *self.true[3:])
         plan.legs.append(Leg(base, base, 1.0, self._settings.acceleration, rebases=True))
 
     def g27(self, _words: Words, plan: Plan) -> None:
@@ -314,8 +319,9 @@ class Mill:
         self._home(plan)
         if plan.alarm is not None:
             return
-        self._go(plan, _replace(self._at(plan), X=self._true[X], Y=self._true[Y]))
-        self._go(plan, _replace(self._at(plan), Z=self._true[Z]))
+        stood = self.true
+        self._go(plan, _replace(self._at(plan), X=stood[X], Y=stood[Y]))
+        self._go(plan, _replace(self._at(plan), Z=stood[Z]))
 
     def g92(self, words: Words, _plan: Plan) -> None:
         self._show(_replace(self.shown, **{axis: words.values[axis] for axis in AXES if axis in words.values}))
@@ -327,7 +333,8 @@ class Mill:
         self._show(_replace(self.shown, Z=0.0))
 
     def _show(self, point: Point) -> None:
-        self.offset = _minus(_plus(self.offset, self.shown), point)
+        by = _minus(self.shown, point)
+        self.offset, self._zero = _plus(self.offset, by), _plus(self._zero, by)
         self.shown = point
 
     def g100(self, words: Words, plan: Plan) -> None:
