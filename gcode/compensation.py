@@ -10,7 +10,7 @@ The one rule: never silently cut into the contour; a corner or an arc that the t
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import ceil, hypot, inf, isfinite, pi
+from math import ceil, inf, isfinite, pi
 from typing import Any
 
 from gcode.arcs import COINCIDENT_MM
@@ -138,6 +138,11 @@ class Compensator:
     def tool(self) -> Position:
         """Where the tool's centre stands after the moves given out so far."""
         return self._tool
+
+    @property
+    def held_line(self) -> int | None:
+        """The line of the move that is held back, as it was given; None: all moves so far have been given out."""
+        return self._held.move.line if self._held else None
 
     @property
     def engaged(self) -> bool:
@@ -291,8 +296,7 @@ class Compensator:
         start, self._tool = self._in_plane(self._tool), end
         if move.kind == RAPID or abs(target - start) < SPECK_MM:
             return Move(move.line, RAPID if move.kind == RAPID else FEED, end, payload=move.payload)
-        from_start = corner - start
-        kind = CW if self._side == LEFT else CCW
+        from_start, kind = corner - start, CW if self._side == LEFT else CCW
         return Move(move.line, kind, end, (from_start.real, from_start.imag), payload=move.payload)
 
     # -- holding back and letting go
@@ -383,14 +387,13 @@ class Compensator:
         centre = self._contour_at + from_start
         if not _sane(centre) or not 1 <= move.turns <= MAX_TURNS:
             raise self._fault(move, "compensation_arc", "there is no arc of these words")
-        radius, end_radius = abs(from_start), hypot(target.real - centre.real, target.imag - centre.imag)
+        radius, end_radius = abs(from_start), abs(target - centre)
         gap = abs(radius - end_radius)
         if min(radius, end_radius) <= COINCIDENT_MM or gap > _GAP_MM or gap > max(_SMALL_GAP_MM, _GAP_SHARE * radius):
             raise self._fault(
                 move, "compensation_arc", f"the arc does not close: radius {radius:.4f} mm, at its end {end_radius:.4f}"
             )
-        turn = -1 if move.kind == CW else 1
-        return arc(self._contour_at, target, centre, turn=turn, turns=move.turns)
+        return arc(self._contour_at, target, centre, turn=-1 if move.kind == CW else 1, turns=move.turns)
 
 
 def _sane(point: complex) -> bool:

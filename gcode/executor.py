@@ -206,6 +206,11 @@ class Executor:
         """Whether moves go through the compensation: from G41 to the first straight move after G40."""
         return self._compensator is not None
 
+    @property
+    def held_line(self) -> int | None:
+        """The line of the move that compensation holds back, if there is one."""
+        return self._compensator.held_line if self._compensator is not None else None
+
     def compensate(self, work: Work, side: int) -> None:
         """G41 or G42; 41 or 42 in `side`."""
         state = self.state

@@ -52,6 +52,7 @@ class Interpreter:
         self._laser = laser
         self._axis_rows = executor.axis_rows
         self._codes: dict[str, dict[str, Code | None]] = {letter: {} for letter in profile.code_letters}
+        self._tool_at_once = "tool_at_once" in profile.features
         self._cancel_beside = "cancel_with_motion" in profile.features
         self._barriers = profile.barrier_letters - profile.code_letters
 
@@ -59,6 +60,11 @@ class Interpreter:
     def compensating(self) -> bool:
         """Whether moves go through the cutter compensation: `state.position` is the programmed one then."""
         return self._executor.compensating
+
+    @property
+    def held_line(self) -> int | None:
+        """The line of the move that waits for the corner behind it: rows of it, and of lines behind it, may follow."""
+        return self._executor.held_line
 
     def take(self) -> Segments:
         """Everything that is certain since the last take."""
@@ -241,6 +247,8 @@ class Interpreter:
             self._speed(work, values.get("S", state.speed))
         if (tool := values.get("T")) is not None:
             state.selected = int(tool)
+            if self._tool_at_once:
+                state.tool = state.selected
         if not self._barriers.isdisjoint(values):
             state.sync = True
 

@@ -76,10 +76,15 @@ class Rows:
         """The last row is this arc."""
         self._rows[-1] = self._rows[-1]._replace(arc=arc)
 
-    def take(self) -> Segments:
-        """Everything since the last take, as columns."""
+    def drain(self) -> list[Row]:
+        """Everything since the last take as it is, for whoever looks at moves one by one."""
         rows = list(self._rows)
         self._rows.clear()
+        return rows
+
+    def take(self) -> Segments:
+        """Everything since the last take, as columns."""
+        rows = self.drain()
         count = len(rows)
         columns = list(zip(*rows, strict=True)) or [()] * len(Row._fields)
         line, kind, start, end, feed, spindle, tool, sync, frame, dwell_s, inverse, _ = columns

@@ -1,0 +1,79 @@
+"""The check of a program for NC frames before a run: the rules of every check, and the translation of all of it.
+
+Not a second opinion on either. The one rule: whatever would stop the translation in the middle of a job is an error
+here, and the program is gone through once, in constant memory.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Unpack
+
+from gcode.check import CheckOptions, check_numbered
+from gcode.check.source import Fingerprint
+from gcode.findings import Findings, Report
+from gcode.lines import split_lines
+from gcode.motion import Motion
+from gcode.ncframe.rules import FrameRules, profile_for
+from gcode.ncframe.source import blocks_of_line
+from gcode.ncframe.translate import Translator
+from gcode.profile import Profile
+from gcode.words import decode_line, parse_block
+
+ORIGIN: Mapping[str, float] = {"x": 0.0, "z": 0.0}
+"""Where the machine is taken to stand where nobody says: increments need a start, as in the source's example."""
+
+
+def check_frames(
+    lines: Iterable[tuple[int, bytes]],
+    profile: Profile,
+    motion: Motion,
+    rules: FrameRules,
+    **options: Unpack[CheckOptions],
+) -> Report:
+    """Check lines with their numbers. Raises only what `lines` raises."""
+    going = _Through(Translator(profile, rules, options.get("position") or ORIGIN), rules)
+    report = check_numbered(going.through(lines), profile_for(profile, rules), motion, **options)
+    going.close()
+    said = {(finding.line, finding.code) for finding in report.errors}
+    added = [finding for finding in going.found.of("error") if (finding.line, finding.code) not in said]
+    errors = sorted([*report.errors, *added], key=lambda finding: (finding.line, finding.column))
+    return replace(report, errors=tuple(errors), lines=going.lines)
+
+
+def check_frames_source(
+    chunks: Iterable[bytes], profile: Profile, motion: Motion, rules: FrameRules, **options: Unpack[CheckOptions]
+) -> Report:
+    """Check the bytes of a file in chunks of any size. Raises only what `chunks` raises."""
+    file = Fingerprint(rules.encoding)
+    lines = enumerate(split_lines(file.through(chunks)), 1)
+    report = check_frames(lines, profile, motion, rules, **options)
+    return replace(report, encoding=file.encoding, line_ends=file.line_ends, bytes=file.bytes, sha256=file.sha256)
+
+
+class _Through:
+    """The translation of lines on their way to the check."""
+
+    def __init__(self, translator: Translator, rules: FrameRules) -> None:
+        self.found = Findings()
+        self.lines = 0
+        self._translator = translator
+        self._rules = rules
+
+    def through(self, lines: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+        """The same lines as blocks; each has been translated when it comes."""
+        for number, raw in lines:
+            self.lines += 1
+            for block in blocks_of_line(raw, self._rules.semicolon):
+                self._translator.step(number, parse_block(decode_line(block, self._rules.encoding)))
+                self._collect()
+                yield number, block
+
+    def close(self) -> None:
+        """The program is over."""
+        self._translator.finish()
+        self._collect()
+
+    def _collect(self) -> None:
+        for note in self._translator.errors:
+            self.found.add("error", note.line, note.column, note.code, note.message)
+        self._translator.errors.clear()

@@ -1,0 +1,224 @@
+"""Blocks to frames, one after the other (ncframe §1, §3). Not the lines of a file and not the bytes of a frame.
+
+The interpreter says where a block leads; here it becomes increments in counts. With compensation "contour" a block
+waits until the corner behind it is known, and all behind it wait in their order.
+The one rule: after the last frame of every block the increments sent so far add up to the rounded position of the
+tool, so that no error ever grows.
+"""
+
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from math import isnan, nan
+
+from gcode.check.words import judge
+from gcode.executor import Note
+from gcode.interpreter import Interpreter
+from gcode.ncframe.blockwriter import BlockWriter
+from gcode.ncframe.frame import BlockLine, Frame, Pending
+from gcode.ncframe.rules import FrameRules, profile_for, state_for
+from gcode.profile import Code, Profile
+from gcode.rows import Row
+from gcode.state import State
+from gcode.words import Block, Word
+
+MAX_WAITING = 2000
+"""Most blocks that wait for a corner; twice of what compensation itself holds back."""
+
+MAX_VERDICTS = 4096
+"""Words are judged once; a hostile file could make up ever new ones."""
+
+_OFF = 40
+
+
+@dataclass(slots=True)
+class _Words:
+    """What a block says, by kind."""
+
+    codes: list[Code] = field(default_factory=list)
+    values: dict[str, float] = field(default_factory=dict)
+
+    def effects(self) -> frozenset[str]:
+        return frozenset(code.effect for code in self.codes)
+
+
+class Translator:
+    """One program. `errors` is what was found so far; nothing may be sent of a program that has any.
+
+    `position` is where the machine stands, in mm from the host's zero; the host keeps the account from there on,
+    whatever G92 and G54 make of its coordinates. An axis that is absent has to be named by G92 (or moved in steps
+    only) before the program can use it.
+    """
+
+    def __init__(self, profile: Profile, rules: FrameRules, position: Mapping[str, float] | None = None) -> None:
+        self.profile = profile_for(profile, rules)
+        self.errors: list[Note] = []
+        self._rules = rules
+        state = state_for(self.profile, position)
+        self._unlocated = {row for row, value in enumerate(state.position) if isnan(value)}
+        self._unset = set(self._unlocated)
+        state.position = [0.0 if isnan(value) else value for value in state.position]
+        self._interpreter = Interpreter(self.profile, state)
+        self._writer = BlockWriter(rules, self._interpreter.state, self.errors)
+        self._blocks = 0
+        self._waiting: deque[Pending] = deque()
+        self._by_block: dict[int, Pending] = {}
+        self._verdicts: dict[str, str | None] = {}
+
+    @property
+    def state(self) -> State:
+        """Behind everything that was stepped through; X and Z are the programmed ones while the tool is guided."""
+        return self._interpreter.state
+
+    @property
+    def settled(self) -> bool:
+        """Whether everything that was stepped through has been given out."""
+        return not self._waiting and not self._interpreter.compensating
+
+    @property
+    def place(self) -> tuple[float, ...]:
+        """Where the tool stands after the frames given out, mm from the host's zero, NaN where that is not known."""
+        return self._located(self._writer.place)
+
+    def relocate(self, position: Mapping[str, float]) -> None:
+        """Where the machine really stands. Only where everything is `settled`."""
+        state = self.state
+        for row, axis in enumerate(state.axes.lower()):
+            if axis in position:
+                self._unlocated.discard(row)
+                self._unset.discard(row)
+            else:
+                self._unlocated.add(row)
+                self._unset.add(row)
+        # The program's own position is without what "offset" has added.
+        self.state.position = [
+            position[axis] - added if axis in position else known
+            for axis, known, added in zip(state.axes.lower(), state.position, self._writer.added, strict=True)
+        ]
+        self._writer.stand(
+            [position.get(axis, at) for axis, at in zip(state.axes.lower(), self._writer.place, strict=True)]
+        )
+        self.forget()
+
+    def forget(self) -> None:
+        """Somebody else may have been at the machine: modes are sent anew."""
+        self._writer.memory.forget()
+
+    def step(self, line: int, block: Block) -> list[Frame]:
+        """Take one block; the frames that are certain now. Raises nothing, whatever stands in it."""
+        if self._rules.block_delete and block.deleted:
+            return []
+        if block.faults:
+            self.errors += [Note(line, fault.column, fault.code, fault.message) for fault in block.faults[:1]]
+            return []
+        if not block.words:
+            return []
+        words = self._read(line, block)
+        if words is None:
+            return []
+        self._blocks += 1
+        here = BlockLine(line, self._blocks)
+        pending = self._writer.begin(here, block, words.codes, words.values)
+        self._waiting.append(pending)
+        self._by_block[self._blocks] = pending
+        before = self.state.position
+        self._guard(pending, words)
+        self._interpreter.step(here, block)
+        self._locate(words, before)
+        self._writer.complete(pending)
+        return self._given_out()
+
+    def finish(self) -> list[Frame]:
+        """The program is over."""
+        self._interpreter.finish()
+        return self._given_out()
+
+    # --- words ----------------------------------------------------------------------------------------------------
+
+    def _read(self, line: int, block: Block) -> _Words | None:
+        """The words by kind; None, with an error, where the profile has not all of them."""
+        found = _Words()
+        for word in block.words:
+            message = self._verdict(word)
+            if message is not None:
+                code = "unknown_code" if word.letter in self.profile.code_letters else "unknown_word"
+                self.errors.append(Note(line, word.column, code, message))
+                return None
+            if word.letter in self.profile.code_letters:
+                found.codes.append(self.profile.codes[word.code])
+            else:
+                found.values[word.letter] = word.value
+        return found
+
+    def _verdict(self, word: Word) -> str | None:
+        name = word.code if word.letter in self.profile.code_letters else word.letter
+        if name not in self._verdicts:
+            if len(self._verdicts) >= MAX_VERDICTS:
+                self._verdicts.clear()
+            verdict = judge(self.profile, name)
+            self._verdicts[name] = verdict[2] if verdict is not None and verdict[0] == "error" else None
+        return self._verdicts[name]
+
+    def _guard(self, pending: Pending, words: _Words) -> None:
+        """What the interpreter lets pass, as it does not know how this machine is made."""
+        state, effects = self.state, words.effects()
+        tool = words.values.get("T")
+        if state.compensation != _OFF and tool is not None and int(tool) != state.selected:
+            pending.note("compensation", "T while compensation is on: the tool cannot be changed", "T")
+        absolute = "absolute" in effects or (state.absolute is True and "relative" not in effects)
+        if not self._unset or not absolute or "set_position" in effects:
+            return
+        for row in sorted(self._unset):
+            axis = state.axes[row]
+            if axis in words.values:
+                text = (
+                    f"where {axis} stands in these coordinates is not known: G92, or steps ({_STEPS[axis]}), come first"
+                )
+                pending.note("position_unknown", text, axis)
+
+    def _locate(self, words: _Words, before: list[float]) -> None:
+        """G92 says where an axis stands; a change to coordinates whose zero nobody has told says that nobody knows."""
+        state = self.state
+        if "set_position" in words.effects():
+            self._unset -= {row for row, axis in enumerate(state.axes) if axis in words.values}
+        if any(map(isnan, state.position)):
+            self._unset |= {row for row, value in enumerate(state.position) if isnan(value)}
+            state.position = [
+                known if isnan(value) else value for known, value in zip(before, state.position, strict=True)
+            ]
+
+    # --- frames ---------------------------------------------------------------------------------------------------
+
+    def _given_out(self) -> list[Frame]:
+        notes = self._interpreter.notes
+        if notes:
+            self.errors += [note._replace(line=int(note.line)) for note in notes if note.level == "error"]
+            notes.clear()
+        self._share_out(self._interpreter.rows.drain())
+        held = self._interpreter.held_line
+        last = held.block if isinstance(held, BlockLine) else self._blocks + 1
+        if len(self._waiting) > MAX_WAITING:
+            text = f"over {MAX_WAITING} blocks without a motion in the plane while compensation is on"
+            self._waiting[-1].note("compensation_still", text)
+            last = self._blocks + 1
+        frames: list[Frame] = []
+        while self._waiting and self._waiting[0].line.block < last:
+            pending = self._waiting.popleft()
+            del self._by_block[pending.line.block]
+            frames += self._writer.write(pending)
+        if self._unlocated:
+            for frame in frames:
+                frame.end = self._located(frame.end)
+        return frames
+
+    def _share_out(self, rows: Iterable[Row]) -> None:
+        for row in rows:
+            pending = self._by_block.get(row.line.block) if isinstance(row.line, BlockLine) else None
+            if pending is not None:
+                pending.rows.append(row)
+
+    def _located(self, place: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple([nan if row in self._unlocated else value for row, value in enumerate(place)])
+
+
+_STEPS = {"X": "U", "Z": "W"}
