@@ -31,6 +31,7 @@ check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	.ci/check-js
 	$(BIN)/python -m pytest tests/docs
 
 format: $(VENV)/.installed-dev

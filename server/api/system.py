@@ -25,6 +25,7 @@ from server.problems import ProblemError
 
 MEDIA_TYPES = {
     ".js": "text/javascript",
+    ".json": "application/json",
     ".mjs": "text/javascript",
     ".svg": "image/svg+xml",
     ".wasm": "application/wasm",
@@ -75,7 +76,7 @@ def _pages(app: FastAPI) -> None:
     routes = Routes(app, "pages", prefix="")
     content: dict[str, Any] = {"text/html": {"schema": {"type": "string"}, "example": "<!doctype html>"}}
 
-    @routes.add("GET", "/", role=Role.PUBLIC, summary="The status page", content=content)
+    @routes.add("GET", "/", role=Role.PUBLIC, summary="The dashboard", content=content)
     async def index(request: Request) -> Response:
         return page(request, "index.html")
 
@@ -115,9 +116,13 @@ def page(request: Request, path: str) -> Response:
 
 @cache
 def web_files() -> dict[str, FilePath]:
-    """The files of the pages by the path under which they are served: inside the wheel, else in the repository."""
+    """The files of the pages by the path under which they are served: inside the wheel, else in the repository.
+
+    Type declarations are for people who work on the pages.
+    """
     here = FilePath(__file__).resolve().parents[1]
     root = next((root for root in (here / "web", here.parent / "web") if (root / "index.html").is_file()), None)
     if root is None:
         return {}
-    return {file.relative_to(root).as_posix(): file for file in sorted(root.rglob("*")) if file.is_file()}
+    files = (file for file in sorted(root.rglob("*")) if file.is_file() and file.suffix != ".ts")
+    return {file.relative_to(root).as_posix(): file for file in files}

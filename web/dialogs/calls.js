@@ -1,0 +1,83 @@
+// What a person must answer: an alarm, a tool that is wanted, a message of the program. With sound, on every screen.
+// The rule: a call is made of the state alone, so it closes everywhere when one person has answered; hiding it here
+// answers nothing.
+
+import { computed, effect, html, signal } from "../lib/ui.js";
+import { t } from "../lib/i18n.js";
+import { call as ring } from "../lib/sound.js";
+import { onJob, verb } from "../state/actions.js";
+import { activeJob } from "../state/reduce.js";
+import { against, chosen, live, world } from "../state/store.js";
+import { go, route, to } from "../lib/router.js";
+import { Button } from "../parts/button.js";
+import { Dialog } from "../parts/dialog.js";
+import { Icon } from "../parts/icon.js";
+
+/** @typedef {{key: string, kind: "alarm" | "tool" | "message", machine: string, job: number | null, tool: number | null, text: string}} Call */
+
+/** @param {import("../types.js").World} now @returns {Call[]} */
+export function callsIn(now) {
+  return now.order.flatMap((name) => /** @type {Call[]} */ (callsOf(now, name)));
+}
+
+/** @param {import("../types.js").World} now @param {string} name */
+function callsOf(now, name) {
+  const { state, link } = now.machines[name];
+  const job = activeJob(now, name);
+  const base = { machine: name, job: job?.id ?? null, tool: null, text: "" };
+  if (link === "connected" && state.status === "alarm") {
+    const { alarm } = state;
+    const text = `${alarm?.axis ? `${alarm.axis.toUpperCase()}: ` : ""}${alarm?.message ?? ""}`;
+    return [{ ...base, kind: /** @type {const} */ ("alarm"), key: `${name} alarm ${text}`, text }];
+  }
+  const waits = job?.status === "waiting";
+  if (!waits && state.status !== "tool") return [];
+  const tool = waits ? job.tool : state.tool_requested;
+  const kind = waits && tool === null ? /** @type {const} */ ("message") : /** @type {const} */ ("tool");
+  const text = waits ? t("call.line", { line: job.progress.line, name: job.program_name }) : "";
+  return [{ ...base, kind, tool, text, key: `${name} ${kind} ${base.job} ${tool} ${job?.progress.line}` }];
+}
+
+const calls = computed(() => (live.value ? callsIn(world.value) : []));
+/** Put aside on this screen. @type {import("../vendor/signals.js").Signal<string>} */
+const aside = signal("");
+const first = computed(() => calls.value[0] ?? null);
+const firstKey = computed(() => first.value?.key ?? "");
+const kindOf = computed(() => first.value?.kind ?? null);
+
+effect(() => {
+  const kind = kindOf.value;
+  return kind && firstKey.value !== aside.value ? ring(kind) : undefined;
+});
+
+const ICONS = { alarm: "alarm", tool: "tool", message: "interrupted" };
+
+export function Calls() {
+  const now = first.value;
+  if (!now) return null;
+  const title = now.kind === "tool" ? t("call.tool", { tool: now.tool ?? "?" }) : t(`call.${now.kind}`);
+  if (aside.value === now.key) {
+    return html`<button type="button" class=${`call-strip c-${now.kind}`} data-name="call-strip" onClick=${() => { aside.value = ""; }}>
+      <${Icon} name=${ICONS[now.kind]} /><b>${title}</b><span>${now.machine}</span></button>`;
+  }
+  return html`<${Dialog} key=${now.key} title=${title} kind=${`c-${now.kind}`} icon=${ICONS[now.kind]} name="call" onClose=${() => { aside.value = now.key; }}>
+    <p class="call-machine">${now.machine}</p>
+    ${now.text && html`<p class="call-text">${now.text}</p>`}
+    <p>${t(`call.${now.kind}_text`)}</p>
+    <div class="row end"><${Answers} call=${now} /></div>
+  <//>`;
+}
+
+/** @param {{call: Call}} props */
+function Answers({ call }) {
+  if (call.machine !== chosen.value) {
+    return html`<button type="button" class="button primary" onClick=${() => go(to(route.value.page, null, null, call.machine))}>${t("call.go_there")}</button>`;
+  }
+  const stop = call.job !== null && html`<${Button} name="call-stop" kind="end" icon="stop" label=${t("control.stop")} reason=${against("operate")}
+    onPress=${() => onJob(/** @type {number} */ (call.job), "cancel")} />`;
+  if (call.kind === "alarm") {
+    return html`<${Button} name="call-unlock" kind="primary" icon="unlock" label=${t("service.unlock")} reason=${against("unlock")} onPress=${() => verb("unlock")} />`;
+  }
+  return html`${stop}<${Button} name="call-confirm" kind="go" icon="run" label=${t(call.kind === "tool" ? "call.tool_in" : "call.go_on")}
+    reason=${against("confirm")} onPress=${() => verb("tool/confirm")} />`;
+}

@@ -1,0 +1,76 @@
+// The journal and the history of a job, page by page, and as files. The rule: as the daemon keeps it, nothing left out.
+
+import { html, useEffect, useState } from "../lib/ui.js";
+import { dateTime, number, t, time } from "../lib/i18n.js";
+import { csv } from "../lib/format.js";
+import { save } from "../lib/save.js";
+import { get } from "../net/http.js";
+import { attempt } from "../state/actions.js";
+import { live } from "../state/store.js";
+import { Button } from "../parts/button.js";
+
+const SHOWN = 200;
+const PAGE = 10_000; // as many rows as the daemon answers at once
+const COLUMNS = {
+  batches: ["seq", "wire_id", "line_from", "line_to", "blocks", "seconds", "status", "attempts", "inferred", "planned_at", "sent_at", "received_at", "ok_at"],
+  events: ["id", "at", "machine", "job", "type", "data", "hash"],
+};
+
+/** All rows of a list that is answered in pages. @param {string} path @param {string} key @returns {Promise<any[]>} */
+async function all(path, key) {
+  const rows = [];
+  for (let after = 0; ; after = rows[rows.length - 1][key]) {
+    const page = await get(`${path}?after=${after}`, { withinMs: 60_000 });
+    rows.push(...page);
+    if (page.length < PAGE) return rows;
+  }
+}
+
+/** @param {{job: import("../types.js").Job}} props */
+export function Journal({ job }) {
+  const [kind, setKind] = useState(/** @type {"events" | "batches"} */ ("events"));
+  const [rows, setRows] = useState(/** @type {any[] | null} */ (null));
+  const path = `/jobs/${job.id}/${kind}`;
+  useEffect(() => {
+    let wanted = true;
+    setRows(null);
+    if (live.value) attempt(() => all(path, kind === "events" ? "id" : "seq")).then((found) => { if (wanted && found) setRows(found); });
+    return () => { wanted = false; };
+  }, [path, job.status, live.value]);
+  const name = `job-${job.id}-${kind}`;
+  return html`<section class="panel journal" aria-label=${t("journal.title")}>
+    <header><div class="filters" role="radiogroup" aria-label=${t("journal.title")}>
+      ${/** @type {const} */ (["events", "batches"]).map((one) => html`<button type="button" class="button" role="radio" key=${one} data-journal=${one}
+        aria-checked=${one === kind} onClick=${() => setKind(one)}>${t(`journal.${one}`)}</button>`)}</div>
+      ${rows && html`<div class="row">
+        <${Button} name="csv" icon="save" label="CSV" onPress=${() => save(`${name}.csv`, "text/csv", csv(COLUMNS[kind], rows))} />
+        <${Button} icon="save" label="JSON" onPress=${() => save(`${name}.json`, "application/json", `${JSON.stringify(rows, null, 2)}\n`)} />
+      </div>`}</header>
+    ${rows === null ? html`<p class="empty">${t("loading")}</p>` : rows.length === 0 ? html`<p class="empty">${t("journal.none")}</p>`
+      : html`<div class="scroll">${kind === "events" ? html`<${Events} rows=${rows} />` : html`<${Batches} rows=${rows} />`}</div>`}
+    ${rows !== null && rows.length > SHOWN && html`<p class="hint">${t("journal.cut", { shown: SHOWN, all: number(rows.length) })}</p>`}
+  </section>`;
+}
+
+/** @param {{rows: any[]}} props */
+function Events({ rows }) {
+  return html`<table><tbody>${rows.slice(-SHOWN).reverse().map((one) => html`<tr key=${one.id}>
+    <td>${dateTime(one.at)}</td><td><b>${one.type}</b></td><td class="data">${said(one)}</td></tr>`)}</tbody></table>`;
+}
+
+/** A dump of frames is for the file. @param {any} event */
+function said({ type, data }) {
+  if (type === "frames") return t("journal.frames", { count: data.frames?.length ?? 0 });
+  return Object.entries(data).filter(([, value]) => value !== null)
+    .map(([key, value]) => `${key} ${typeof value === "object" ? JSON.stringify(value) : value}`).join(" · ");
+}
+
+/** @param {{rows: any[]}} props */
+function Batches({ rows }) {
+  return html`<table><thead><tr>${["id", "lines", "status", "sent", "received", "done", "attempts"].map((one) =>
+    html`<th key=${one}>${t(`journal.${one}`)}</th>`)}</tr></thead>
+    <tbody>${rows.slice(-SHOWN).reverse().map((one) => html`<tr key=${one.seq} class=${one.attempts > 1 ? "warn" : ""}>
+      <td class="figure">${one.wire_id}</td><td class="figure">${one.line_from} – ${one.line_to}</td>
+      <td>${one.status}${one.inferred ? ` (${t("journal.inferred")})` : ""}</td>
+      <td>${time(one.sent_at)}</td><td>${time(one.received_at)}</td><td>${time(one.ok_at)}</td><td class="figure">${one.attempts}</td></tr>`)}</tbody></table>`;
+}

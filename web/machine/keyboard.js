@@ -1,0 +1,57 @@
+// Jogging by the keyboard: arrows for X and Y, page up and down for Z, only while it is armed.
+// The rule: nothing moves by a key unless somebody armed it here and now; leaving the page, the window or the keys alone
+// for a minute disarms it, and a key typed into a field is a letter.
+
+import { signal } from "../lib/ui.js";
+
+const IDLE_MS = 60_000;
+
+/** @type {Record<string, Record<string, number>>} */
+export const KEYS = {
+  ArrowLeft: { x: -1 }, ArrowRight: { x: 1 }, ArrowUp: { y: 1 }, ArrowDown: { y: -1 }, PageUp: { z: 1 }, PageDown: { z: -1 },
+};
+
+export const armed = signal(false);
+
+/**
+ * Listen while armed.
+ * @param {{down: (way: Record<string, number>) => void, up: () => void}} moves
+ * @returns {() => void} how to stop listening
+ */
+export function listen(moves) {
+  let held = "";
+  let idle = setTimeout(disarm, IDLE_MS);
+  function disarm() { armed.value = false; }
+  function down(/** @type {KeyboardEvent} */ event) {
+    if (event.key === "Escape") return disarm();
+    const way = KEYS[event.key];
+    if (!way || typing(event.target) || event.ctrlKey || event.altKey || event.metaKey) return;
+    event.preventDefault();
+    clearTimeout(idle);
+    idle = setTimeout(disarm, IDLE_MS);
+    if (event.repeat || held) return;
+    held = event.key;
+    moves.down(way);
+  }
+  function up(/** @type {KeyboardEvent} */ event) {
+    if (event.key !== held) return;
+    held = "";
+    moves.up();
+  }
+  const hidden = () => document.hidden && disarm();
+  addEventListener("keydown", down);
+  addEventListener("keyup", up);
+  addEventListener("blur", disarm);
+  document.addEventListener("visibilitychange", hidden);
+  return () => {
+    clearTimeout(idle);
+    if (held) moves.up();
+    removeEventListener("keydown", down);
+    removeEventListener("keyup", up);
+    removeEventListener("blur", disarm);
+    document.removeEventListener("visibilitychange", hidden);
+  };
+}
+
+/** @param {EventTarget | null} target */
+const typing = (target) => target instanceof HTMLElement && ["INPUT", "SELECT", "TEXTAREA"].includes(target.tagName);

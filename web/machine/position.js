@@ -1,0 +1,55 @@
+// Where the tool is: work coordinates large, machine coordinates beside, and what sets or goes to zero.
+// The rule: digits never jump (fixed places), and old digits look old.
+
+import { html, useState } from "../lib/ui.js";
+import { coordinate } from "../lib/format.js";
+import { t } from "../lib/i18n.js";
+import { run } from "../state/actions.js";
+import { against, can, machine } from "../state/store.js";
+import { Button } from "../parts/button.js";
+import { Dialog } from "../parts/dialog.js";
+import { blocksOf } from "./blocks.js";
+
+const ROTARY = new Set(["a", "b", "c"]);
+
+export function Position() {
+  const [asking, setAsking] = useState(/** @type {string[] | null} */ (null));
+  const now = machine.value;
+  if (!now) return null;
+  const { work, machine: absolute } = now.state.position;
+  const axes = Object.keys(work).length ? Object.keys(work) : Object.keys(absolute);
+  const blocks = can("commands") ? blocksOf(now.protocol) : null;
+  const reason = against("by_hand");
+  const flat = axes.filter((axis) => axis === "x" || axis === "y");
+  return html`<section class=${`panel position ${now.link === "connected" ? "" : "old"}`} aria-label=${t("position.title")}>
+    <header><h2>${t("position.work")}</h2><h3>${t("position.machine")}</h3></header>
+    ${axes.length === 0 && html`<p class="empty">${t("position.unknown")}</p>`}
+    <ul class="axes">${axes.map((axis) => html`<li key=${axis} data-axis=${axis}>
+      <b>${axis.toUpperCase()}</b>
+      <output class="work">${work[axis] === undefined ? "–" : coordinate(work[axis])}</output>
+      <output class="absolute">${absolute[axis] === undefined ? "–" : coordinate(absolute[axis])}</output>
+      <span class="unit">${ROTARY.has(axis) ? "°" : "mm"}</span>
+      ${blocks && html`<${Button} name=${`zero-${axis}`} label=${t("position.zero", { axis: axis.toUpperCase() })} reason=${reason} quiet
+        title=${t("position.zero_title", { axis: axis.toUpperCase() })} onPress=${() => setAsking([axis])} />`}
+    </li>`)}</ul>
+    ${blocks && axes.length > 0 && html`<div class="row">
+      <${Button} name="zero-all" label=${t("position.zero_all")} reason=${reason} quiet onPress=${() => setAsking(axes)} />
+      <${Button} name="go-zero" icon="target" label=${t("position.go_zero_xy")} reason=${reason} quiet onPress=${() => run(blocks.go(flat))} />
+      ${axes.includes("z") && html`<${Button} label=${t("position.go_zero_z")} reason=${reason} quiet onPress=${() => run(blocks.go(["z"]))} />`}
+    </div>`}
+    ${reason && html`<p class="why-line">${t(reason)}</p>`}
+    ${asking && blocks && html`<${AskZero} axes=${asking} onYes=${() => run(blocks.zero(asking))} onClose=${() => setAsking(null)} />`}
+  </section>`;
+}
+
+/** A work offset that was lost by a slip of the finger costs a part. @param {{axes: string[], onYes: () => unknown, onClose: () => void}} props */
+function AskZero({ axes, onYes, onClose }) {
+  const named = axes.map((axis) => axis.toUpperCase()).join(", ");
+  return html`<${Dialog} title=${t("position.zero_ask", { axes: named })} icon="target" name="ask-zero" onClose=${onClose}>
+    <p>${t("position.zero_text", { axes: named })}</p>
+    <div class="row end">
+      <button type="button" class="button" onClick=${onClose}>${t("dialog.cancel")}</button>
+      <${Button} name="zero-yes" kind="primary" label=${t("position.zero_yes")} onPress=${async () => { onClose(); await onYes(); }} />
+    </div>
+  <//>`;
+}

@@ -1,0 +1,65 @@
+// What people ask of the daemon, one function each; all go through `attempt`, which tells what was refused.
+// The rule: nothing is believed done until the daemon says so; the page waits for its messages.
+
+import { ApiError, post, request } from "../net/http.js";
+import { daemon } from "../net/daemon.js";
+import { notify } from "../parts/notices.js";
+import { chosen, learnJob } from "./store.js";
+
+const WITHIN_S = 3600; // blocks by hand answer when they are executed
+
+/**
+ * Do it, and show why it was refused. Returns what it gave, undefined when it failed.
+ * @template T @param {() => T | Promise<T>} what @returns {Promise<T | undefined>}
+ */
+export async function attempt(what) {
+  try {
+    return await what();
+  } catch (error) {
+    notify(error instanceof Error ? error.message : String(error));
+    if (error instanceof ApiError && error.code === "unauthorized") daemon.start();
+    return undefined;
+  }
+}
+
+const here = () => `/machines/${encodeURIComponent(chosen.value ?? "")}`;
+
+/** @param {string} verb connect, home, unlock, pause ... */
+export const verb = (verb) => post(`${here()}/${verb}`);
+
+/**
+ * Blocks by hand, one after the other. Throws when the controller refuses one.
+ * @param {string[]} blocks
+ */
+export async function run(blocks) {
+  const { results } = await post(`${here()}/commands`, { blocks }, { withinMs: WITHIN_S * 1000 });
+  const bad = results.find((/** @type {{ok: boolean}} */ one) => !one.ok);
+  if (bad) throw new Error(`${bad.block}: ${bad.error?.message ?? ""}`);
+  return results;
+}
+
+/** @param {Record<string, number>} way mm @param {number} feed mm/min */
+export const jog = (way, feed) => post(`${here()}/jog`, { ...way, feed });
+
+/** @param {Record<string, number>} percent */
+export const override = (percent) => request("PATCH", `${here()}/overrides`, percent);
+
+/** @param {number} id @param {string} verb pause, resume, cancel, rerun @param {any} [body] */
+export async function onJob(id, verb, body) {
+  const answer = await post(`/jobs/${id}/${verb}`, body);
+  if (answer?.id !== undefined && answer.progress) learnJob(answer);
+  return answer;
+}
+
+/**
+ * Queue a program on the chosen machine.
+ * @param {string} program @param {{hold?: boolean, force?: boolean, start_line?: number, end_line?: number, note?: string}} options
+ */
+export async function queueJob(program, options) {
+  const answer = await post("/jobs", { program, machine: chosen.value, ...options }, {
+    headers: { "Idempotency-Key": crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}` },
+    withinMs: 120_000,
+  });
+  learnJob(answer);
+  return answer;
+}

@@ -1,0 +1,74 @@
+// Why something cannot be done now. Pure: the state in, the key of a sentence out, or null where nothing stands against it.
+// Not the daemon's own checks, which decide; these only spare people the attempt. The rule: a control is never disabled
+// without one of these reasons beside it.
+
+import { MOVING } from "./reduce.js";
+
+/**
+ * @typedef {{
+ *   machine: import("../types.js").Machine | null,
+ *   job: import("../types.js").Job | null,
+ *   queue: import("../types.js").Waiting[],
+ *   role: string,
+ *   live: boolean,
+ * }} Situation
+ * @typedef {(now: Situation) => string | null} Need
+ */
+
+/** @type {Need} */
+const connected = ({ machine }) => (machine?.link === "connected" ? null : "reason.not_connected");
+/** @type {Need} */
+const noAlarm = ({ machine }) => (machine?.state.status === "alarm" ? "reason.alarm" : null);
+/** @type {Need} */
+const noJob = ({ job }) => (job && MOVING.has(job.status) ? "reason.job" : null);
+/** @type {Need} */
+const standing = ({ machine }) =>
+  machine && ["run", "home", "hold", "door"].includes(machine.state.status) ? `reason.${machine.state.status}` : null;
+/** @type {Need} */
+const inAlarm = ({ machine }) => (machine?.state.status === "alarm" ? null : "reason.no_alarm");
+/** @type {Need} */
+const runs = ({ job }) => (job?.status === "running" || job?.status === "waiting" ? null : "reason.nothing_runs");
+/** @type {Need} */
+const paused = ({ job }) => (job?.status === "paused" ? null : "reason.nothing_paused");
+/** @type {Need} */
+const notCancelling = ({ job }) => (job?.cancelling ? "reason.stopping" : null);
+/** @type {Need} */
+const anyJob = ({ job, machine }) => (job || machine?.state.status === "run" ? null : "reason.nothing_runs");
+/** @type {Need} */
+const decided = ({ job }) => (job?.status === "interrupted" ? "reason.interrupted" : null);
+/** @type {Need} */
+const something = ({ queue }) => (queue.length ? null : "reason.queue_empty");
+
+/** @type {Record<string, Need[]>} */
+const NEEDS = {
+  connect: [({ machine }) => (machine?.link === "disconnected" ? null : "reason.connected")],
+  disconnect: [({ machine }) => (machine?.link === "disconnected" ? "reason.not_connected" : null), noJob],
+  start: [connected, noAlarm, noJob, decided, something],
+  pause: [runs, notCancelling],
+  resume: [paused, connected, noAlarm],
+  stop: [anyJob, notCancelling],
+  home: [connected, noAlarm, noJob, standing],
+  unlock: [connected, inAlarm, noJob],
+  reset: [connected, noJob],
+  jog: [connected, noAlarm, noJob, standing],
+  by_hand: [connected, noAlarm, noJob, standing],
+  overrides: [connected],
+  sd: [connected, noAlarm, noJob, standing],
+  confirm: [connected, noAlarm],
+  operate: [],
+};
+
+/**
+ * Why `action` cannot be done now, as a key of i18n; null when it can.
+ * @param {string} action
+ * @param {Situation} now
+ */
+export function whyNot(action, now) {
+  if (!now.live) return "reason.no_daemon";
+  if (now.role === "viewer" || now.role === "public") return "reason.read_only";
+  for (const need of NEEDS[action]) {
+    const reason = need(now);
+    if (reason) return reason;
+  }
+  return null;
+}

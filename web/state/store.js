@@ -1,0 +1,95 @@
+// The page's memory as signals: the world (reduce.js), the connection, who is signed in, and what is derived of them.
+// The rule: the world changes by messages of the daemon alone, never because a button was pressed.
+
+import { batch, computed, signal } from "../lib/ui.js";
+import { daemon, onMessage, onStatus } from "../net/daemon.js";
+import { get } from "../net/http.js";
+import { route } from "../lib/router.js";
+import { activeJob, NOTHING, reduce, shownStatus, withJob, withMachine } from "./reduce.js";
+import { whyNot } from "./reasons.js";
+
+const STATS_EVERY_MS = 4000;
+
+/** @type {import("../vendor/signals.js").Signal<import("../types.js").World>} */
+export const world = signal(NOTHING);
+/** @type {import("../vendor/signals.js").Signal<import("../net/socket.js").Status>} */
+export const connection = signal(daemon.status);
+/** When what is shown was last true: the time of the break, null while the daemon is there. */
+export const lostAt = signal(/** @type {Date | null} */ (null));
+export const role = signal("public");
+/** Whether there is something to sign out of. */
+export const signedIn = signal(false);
+
+/** How far this computer's clock is ahead of the daemon's. */
+let aheadMs = 0;
+
+onMessage((message) => batch(() => {
+  world.value = reduce(world.peek(), message);
+  if (message.type !== "hello") return;
+  role.value = message.data.role ?? "viewer";
+  aheadMs = Date.now() - Date.parse(message.at);
+}));
+
+/** How long ago something was by the daemon's clock. @param {string} at @returns {number} seconds */
+export const secondsSince = (at) => Math.max(0, (Date.now() - aheadMs - Date.parse(at)) / 1000);
+
+onStatus((status) => batch(() => {
+  connection.value = status;
+  if (status === "live") {
+    lostAt.value = null;
+    get("/session").then((session) => { signedIn.value = !session.open; }, () => {});
+  } else {
+    lostAt.value ??= new Date();
+  }
+}));
+
+export const live = computed(() => connection.value === "live");
+export const operator = computed(() => role.value === "operator" || role.value === "admin");
+
+/** The name of the machine that is looked at: that of the address, else the first. */
+export const chosen = computed(() => {
+  const { order } = world.value;
+  const asked = route.value.machine;
+  return asked && order.includes(asked) ? asked : (order[0] ?? null);
+});
+export const machine = computed(() => (chosen.value === null ? null : world.value.machines[chosen.value]));
+export const job = computed(() => (chosen.value === null ? null : activeJob(world.value, chosen.value)));
+const NO_QUEUE = /** @type {import("../types.js").Waiting[]} */ ([]);
+export const queue = computed(() => (chosen.value === null ? NO_QUEUE : (world.value.queues[chosen.value] ?? NO_QUEUE)));
+export const status = computed(() => (machine.value === null ? "offline" : shownStatus(machine.value, job.value)));
+
+/** Why something cannot be done on the chosen machine, a key of i18n, or null. @param {string} action */
+export function against(action) {
+  return whyNot(action, { machine: machine.value, job: job.value, queue: queue.value, role: role.value, live: live.value });
+}
+
+/** @param {string} capability */
+export const can = (capability) => machine.value?.capabilities.includes(capability) ?? false;
+
+/** An answer of the API that is newer than the last message about it. @param {import("../types.js").Job} answer */
+export const learnJob = (answer) => { world.value = withJob(world.peek(), answer); };
+
+/** The link's counters are in no message: they are asked for while somebody looks. @param {string} name */
+export async function learnLink(name) {
+  const answer = await get(`/machines/${encodeURIComponent(name)}`);
+  const known = world.peek().machines[name];
+  if (!known) return;
+  const { link_stats, queue_length, capabilities } = answer;
+  world.value = withMachine(world.peek(), { ...known, link_stats, queue_length, capabilities });
+}
+
+/** Ask for the link's counters now and then. Returns how to stop. @param {string} name */
+export function watchLink(name) {
+  const ask = () => { if (live.peek() && !document.hidden) learnLink(name).catch(() => {}); };
+  ask();
+  const timer = setInterval(ask, STATS_EVERY_MS);
+  return () => clearInterval(timer);
+}
+
+// Whoever comes back to the page, or to the network, does not want to wait for the next attempt.
+const awake = () => { if (connection.peek() === "lost" && !document.hidden) daemon.start(); };
+document.addEventListener("visibilitychange", awake);
+addEventListener("online", awake);
+
+// Here, where those who listen are there: what came before would be heard by nobody.
+daemon.start();

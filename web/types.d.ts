@@ -1,0 +1,117 @@
+// What the daemon says (docs/api.md), for the type check of the pages.
+// The rule: only what the pages read; the daemon may say more.
+
+export type Axes = Record<string, number>;
+
+export interface Alarm {
+  code: number | null;
+  axis: string | null;
+  message: string;
+}
+
+export interface State {
+  status: string;
+  position: { machine: Axes; work: Axes };
+  feed: number | null;
+  spindle: number | null;
+  overrides: Record<string, number>;
+  alarm: Alarm | null;
+  absolute: boolean | null;
+  tool: number | null;
+  tool_requested: number | null;
+  inputs: Record<string, boolean>;
+  seq: number;
+  at: string | null;
+}
+
+export interface Machine {
+  name: string;
+  protocol: string;
+  port: string;
+  link: string;
+  capabilities: string[];
+  state: State;
+  active_job: number | null;
+  queue_length: number;
+  link_stats: { epoch?: number; retries?: number; errors?: Record<string, number> };
+}
+
+export interface Progress {
+  line: number;
+  lines: number;
+  acknowledged_lines: number;
+  sent_line: number;
+  seconds_elapsed: number | null;
+  seconds_left: number | null;
+  seconds_left_min: number | null;
+  seconds_left_max: number | null;
+}
+
+export interface Job {
+  id: number;
+  status: string;
+  program: string;
+  program_name: string;
+  source_program: string | null;
+  machine: string;
+  progress: Progress;
+  error: { code: string; message: string; line_from: number | null; line_to: number | null } | null;
+  tool: number | null;
+  hold: boolean;
+  cancelling: boolean;
+  note: string | null;
+  start_line: number;
+  end_line: number;
+  rerun_of: number | null;
+  created_at: string;
+  started_at: string | null;
+  ended_at: string | null;
+}
+
+export interface Waiting {
+  id: number;
+  program_name: string;
+  hold: boolean;
+}
+
+export interface Message {
+  seq: number;
+  type: string;
+  machine: string | null;
+  at: string;
+  data: any;
+}
+
+export interface LogLine {
+  at: string;
+  machine: string | null;
+  level: string;
+  text: string;
+}
+
+export interface World {
+  order: string[];
+  machines: Record<string, Machine>;
+  jobs: Record<number, Job>;
+  queues: Record<string, Waiting[]>;
+  log: LogLine[];
+  programsChanged: number;
+  problem: string | null;
+}
+
+export interface Program {
+  id: string;
+  name: string;
+  lines: number;
+  bytes: number;
+  created_at: string;
+  source_program: string | null;
+}
+
+export interface Finding {
+  line: number;
+  column: number;
+  code: string;
+  message: string;
+  count: number;
+}
