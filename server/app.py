@@ -24,6 +24,7 @@ from server.grblconfig import GrblConfig
 from server.hub import Hub
 from server.jobservice import JobService
 from server.machine import EngineFactory
+from server.panel import Panel
 from server.plans import Planning, Workpiece
 from server.programservice import ProgramService
 from server.serialport import Opener, PortOpener
@@ -66,6 +67,7 @@ class Workshop:
     """Everything that the API needs. Between `start` and `stop` the machines are at work."""
 
     machines: Mapping[str, Controller]
+    panels: Mapping[str, Panel]
     jobs: JobService
     programs: ProgramService
     hub: Hub
@@ -102,6 +104,7 @@ class Workshop:
             max_upload_bytes=config.server.max_upload_bytes,
         )
         self.machines = {machine.name: await self._controller(machine) for machine in config.machine}
+        self.panels = {name: Panel(one, db=self.db, clock=parts.clock) for name, one in self.machines.items()}
         background = Background()
         starter = Starter(
             db=self.db,

@@ -11,7 +11,18 @@ from typing import cast
 from fastapi import FastAPI
 
 from server import ws
-from server.api import access, capabilities, jobs, machines, problems, programs, system
+from server.api import (
+    access,
+    capabilities,
+    jobs,
+    machines,
+    machinesettings,
+    problems,
+    programs,
+    registers,
+    switches,
+    system,
+)
 from server.api.guard import Guard, HostRule
 from server.api.openapi import document
 from server.api.services import Services
@@ -49,6 +60,6 @@ def _routes(services: Services) -> FastAPI:
     )
     problems.install(app)
     system.install(app, services, description)
-    for part in (access, machines, capabilities, programs, jobs, ws):
+    for part in (access, machines, registers, machinesettings, switches, capabilities, programs, jobs, ws):
         part.install(app, services)
     return app

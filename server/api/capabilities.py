@@ -17,17 +17,6 @@ from server.auth import Role
 from server.problems import ProblemError
 
 ADDRESSES = (
-    ("PATCH", "overrides", Role.OPERATOR, "Change feed, rapid and spindle overrides"),
-    ("GET", "settings", Role.VIEWER, "Show the controller's settings"),
-    ("PATCH", "settings", Role.ADMIN, "Change the controller's settings"),
-    ("GET", "modal", Role.VIEWER, "Show the modal state"),
-    ("GET", "offsets", Role.VIEWER, "Show the coordinate offsets"),
-    ("GET", "firmware", Role.VIEWER, "Show the controller's firmware"),
-    ("GET", "startup-blocks", Role.VIEWER, "Show the start-up blocks"),
-    ("PUT", "startup-blocks", Role.ADMIN, "Change the start-up blocks"),
-    ("POST", "check-mode", Role.OPERATOR, "Switch the check mode"),
-    ("POST", "sleep", Role.OPERATOR, "Send the controller to sleep"),
-    ("POST", "restore", Role.ADMIN, "Restore the controller's defaults"),
     ("GET", "io", Role.VIEWER, "Show the pins of the tool changer"),
     ("PATCH", "io", Role.OPERATOR, "Drive the pins of the tool changer"),
 )

@@ -33,6 +33,8 @@ ADMIN = {
     ("POST", "/api/v1/tokens"),
     ("DELETE", "/api/v1/tokens/{id}"),
     ("PATCH", "/api/v1/machines/{m}/settings"),
+    ("POST", "/api/v1/machines/{m}/settings/backups/{id}/restore"),
+    ("PUT", "/api/v1/machines/{m}/firmware/info"),
     ("PUT", "/api/v1/machines/{m}/startup-blocks"),
     ("POST", "/api/v1/machines/{m}/restore"),
 }
@@ -95,7 +97,8 @@ def test_a_route_without_a_role_does_not_come_into_being() -> None:
 def a_request(method: str, path: str) -> tuple[str, str]:
     """An address that fits the pattern of a route."""
     filled = path.replace("{m}", "router").replace("/jobs/{id}", "/jobs/17").replace("/tokens/{id}", "/tokens/t1")
-    filled = filled.replace("/programs/{id}", f"/programs/{'0' * 64}")
+    filled = filled.replace("/programs/{id}", f"/programs/{'0' * 64}").replace("/backups/{id}", "/backups/1")
+    filled = filled.replace("/offsets/{name}", "/offsets/G92")
     assert not re.search(r"[{}]", filled), filled
     return method, filled
 
