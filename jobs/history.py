@@ -40,6 +40,14 @@ def of_job(db: Database, job: int, *, limit: int, after: int = 0) -> list[dict[s
     return [_view(row) for row in rows]
 
 
+def newest(db: Database, job: int, kind: str) -> dict[str, Any] | None:
+    """What the newest event of this kind says of a job; None where there is none, or it had to be cut."""
+    query = "select data from events where job = ? and type = ? order by id desc limit 1"
+    row = next(db.query(query, [job, kind]), None)
+    data: dict[str, Any] = {} if row is None else json.loads(row["data"])
+    return None if row is None or data.get("cut") else data
+
+
 def verify(db: Database) -> int | None:
     """The number of the first event that does not fit the chain; None when all is in order."""
     previous, expected = GENESIS, 1

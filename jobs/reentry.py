@@ -25,6 +25,18 @@ PIECE_LINES = 20_000
 MAX_BLOCKS = 200
 """Of a plan that somebody has edited; ours have some twenty."""
 
+MODES = (
+    *("absolute", "arc_absolute", "inches", "plane", "feed_mode", "motion_name", "spindle", "mist", "flood", "system"),
+    *("return_to_r", "diameter_mode"),
+)
+"""Of a State: what a controller tells of itself and a reset makes forget. Feed, speed and offsets beside them."""
+FEED_ROUNDING = 2.54
+"""mm/min: `$G` says F in whole mm/min, or in tenths of inches/min."""
+SPEED_ROUNDING = 1.0
+"""rpm, likewise."""
+OFFSET_ROUNDING = 0.002
+"""mm: three decimals for each of what makes an offset."""
+
 SHIFT_ASSUMED = (
     "Whether a shift (G92) or a tool length was in force when the job began was not told: none is assumed. "
     "Compare the coordinates with the workpiece."
@@ -51,15 +63,7 @@ def plan_at(course: Course, way: Way, *, began: Held | None, now: Held) -> Reent
     Raises CannotStartError with one of gcode.reentry.REASONS.
     """
     profile = course.profile
-    start = Held() if began is None else began.again(now)
-    past = past_of(
-        _pieces(course.before),
-        course.line,
-        profile,
-        state=state_of(start, profile, assume=True),
-        laser=way.laser,
-        encoding=course.encoding,
-    )
+    past = _past(course, began, now, laser=way.laser)
     rest = (parse_block(decode_line(raw, course.encoding)) for _, raw in islice(course.rest, AHEAD_BLOCKS))
     position = _place_in(past.state, state_of(now, profile)) if now.offsets is not None else None
     try:
@@ -67,6 +71,33 @@ def plan_at(course: Course, way: Way, *, began: Held | None, now: Held) -> Reent
     except CannotResumeError as error:
         raise CannotStartError(str(error), reason=error.reason) from error
     return replace(plan, warnings=(*_doubts(past, began, now), *plan.warnings))
+
+
+def has_kept_its_modes(course: Course, *, began: Held | None, now: Held, laser: bool) -> bool:
+    """Whether the controller holds now what the lines before have set: evidence that it was not reset since."""
+    if began is None or not now.modal or now.offsets is None:
+        return False
+    profile = course.profile
+    then, here = _past(course, began, now, laser=laser).state, state_of(now, profile, assume=True)
+    numbers = [
+        (then.feed or 0.0, here.feed or 0.0, FEED_ROUNDING),
+        (then.speed, here.speed, SPEED_ROUNDING),
+        *((one, other, OFFSET_ROUNDING) for one, other in zip(then.frame, here.frame, strict=True)),
+    ]
+    alike = all(getattr(then, name) == getattr(here, name) for name in MODES)
+    return alike and all(abs(one - other) <= tolerance for one, other, tolerance in numbers)
+
+
+def _past(course: Course, began: Held | None, now: Held, *, laser: bool) -> Past:
+    start = Held() if began is None else began.again(now)
+    return past_of(
+        _pieces(course.before),
+        course.line,
+        course.profile,
+        state=state_of(start, course.profile, assume=True),
+        laser=laser,
+        encoding=course.encoding,
+    )
 
 
 def with_plan(line: int, blocks: Sequence[str], takes_over: int, rest: Lines) -> Lines:

@@ -81,7 +81,8 @@ def reduce(state: MachineState, event: Event) -> MachineState:
         case LinkReady():
             return replace(state, status="idle") if state.status == "offline" else state
         case LinkLost():
-            return replace(state, status="offline")
+            # Who has homed it, or has not, while nobody listened is not known.
+            return replace(state, status="offline", homed=None)
         case MachineRestarted():
             # Position, tool and modes of a restarted machine are unknown until it reports them.
             return MachineState(status=state.status)
@@ -106,8 +107,9 @@ def _told(state: MachineState, event: Detail) -> MachineState:
             return replace(state, accessories=active)
         case PendantChanged(active=active):
             return replace(state, pendant=active)
-        case Homed():
-            return replace(state, homed=True)
+        case Homed(axes=axes):
+            # One axis alone makes no homed machine of one that was not.
+            return state if axes else replace(state, homed=True)
         case ModalRead(words=words):
             return replace(state, modal=words, absolute=_absolute(words, state.absolute))
         case (

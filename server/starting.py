@@ -9,6 +9,7 @@ import logging
 from collections.abc import Coroutine, Mapping
 from typing import Any
 
+from gcode.held import Held
 from jobs import journal, store
 from jobs.cursor import Cursor
 from jobs.delivery import Policy
@@ -28,6 +29,7 @@ from server.controller import Controller
 from server.dbthread import Db
 from server.estimates import Estimates
 from server.hub import Hub
+from server.modes import STARTED_IN, held_by
 from server.plans import Plan, Planning, Workpiece
 from server.problems import ProblemError
 from server.views import job_view
@@ -89,17 +91,18 @@ class Starter:
 
     async def start(self, controller: Controller, row: Row) -> bool:
         """Plan the program and begin. The machine is reserved for this job. False: it does not wait any more."""
-        state = controller.state
         try:
             if not await self.leave_queue(row, Status.CHECKING):
                 return False
+            held = await held_by(controller)
             plan = await self.worker.run(
                 self.planning.start,
                 self.pieces[controller.name],
                 row,
                 line=row["start_line"],
-                position=state.position,
-                absolute=state.absolute,
+                position=controller.program_position,
+                absolute=controller.state.absolute,
+                held=held,
             )
             entered = await self._enter(controller, row)
         except UNSTARTABLE as error:
@@ -110,7 +113,7 @@ class Starter:
         finally:
             wanted = controller.stream.release()
         if wanted and entered:
-            await self._begin(controller, row, plan)
+            await self._begin(controller, row, plan, held)
         elif wanted:
             await self._back_to_queue(controller, row)
         else:
@@ -132,7 +135,7 @@ class Starter:
         await self.set_status(row, Status.QUEUED)
         await self._db.run(store.hold_queue, controller.name)
 
-    async def _begin(self, controller: Controller, row: Row, plan: Plan) -> None:
+    async def _begin(self, controller: Controller, row: Row, plan: Plan, held: Held | None) -> None:
         try:
             controller.check_can_start(checking=Policy.of(row).check)
         except ProblemError as problem:
@@ -141,6 +144,8 @@ class Starter:
             await self._back_to_queue(controller, row)
             await jobmodes.leave(controller)
             return
+        if held is not None:
+            controller.stream.note(STARTED_IN, job=row["id"], **held.to_json())
         self.run_plan(controller, row, plan, before=Status.CHECKING)
 
     def run_plan(

@@ -26,6 +26,16 @@ def test_events_of_a_job_in_order_with_their_data() -> None:
         assert history.verify(db) is None
 
 
+def test_the_newest_of_a_kind() -> None:
+    with database() as db:
+        filled(db)
+        assert history.newest(db, 1, "status") == {"n": 4, "text": "Ü"}
+        assert history.newest(db, 1, "other") is None
+        assert history.newest(db, 2, "status") is None
+        history.append(db, at=AT, kind="status", data={"text": "x" * history.MAX_DATA_CHARS}, job=1)
+        assert history.newest(db, 1, "status") is None, "half of it is not what it says"
+
+
 @pytest.mark.parametrize("change", ["update events set data = '{}' where id = 3", "delete from events where id = 3"])
 def test_the_database_itself_refuses_changes(change: str) -> None:
     with database() as db:

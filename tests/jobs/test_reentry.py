@@ -5,7 +5,16 @@ import pytest
 from gcode.held import Held
 from gcode.profile import load_profile
 from gcode.reentry import Reentry, Way
-from jobs.reentry import MAX_BLOCKS, MODES_ASSUMED, SHIFT_ASSUMED, Course, check_blocks, plan_at, with_plan
+from jobs.reentry import (
+    MAX_BLOCKS,
+    MODES_ASSUMED,
+    SHIFT_ASSUMED,
+    Course,
+    check_blocks,
+    has_kept_its_modes,
+    plan_at,
+    with_plan,
+)
 from jobs.restart import CannotStartError
 from tests.harness.programs import numbered
 
@@ -116,3 +125,23 @@ def test_an_edited_plan_that_is_none_is_refused_and_a_good_one_is_not() -> None:
             check_blocks(blocks, GRBL, NOW)
     check_blocks(plan(PROGRAM, 6, NOW).blocks, GRBL, NOW)
     check_blocks(["g90", "M5 (off)", "G0 X1 Y1"], GRBL, Held())
+
+
+def kept(
+    modal: str, program: str = PROGRAM, line: int = 6, began: Held | None = NOW, **changed: dict[str, float]
+) -> bool:
+    lines = list(numbered(program))
+    course = Course(lines[: line - 1], lines[line - 1 :], line, GRBL, "utf-8")
+    return has_kept_its_modes(course, began=began, now=Held(tuple(modal.split()), offsets(**changed)), laser=False)
+
+
+def test_a_controller_that_was_reset_does_not_hold_what_the_lines_have_set() -> None:
+    """Behind line 5 of the program: G1, M3 S900, F300. `$G` says whole numbers."""
+    assert kept("G1 G54 G17 G21 G90 G94 M3 M9 T0 F300 S900")
+    assert kept("G1 G54 G17 G21 G90 G94 M3 M9 T0 F299 S900")
+    for word in ("G0", "G55", "G18", "G20", "G91", "G93", "M5", "M8", "F1", "S0"):
+        assert not kept(f"G1 G54 G17 G21 G90 G94 M3 M9 T0 F300 S900 {word}"), word
+    assert not kept("G0 G54 G17 G21 G90 G94 M5 M9 T0 F0 S0")
+    assert not kept("G1 G54 G17 G21 G90 G94 M3 M9 T0 F300 S900", G92={"x": 1.0, "y": 0.0, "z": 0.0})
+    assert not kept("")
+    assert not kept("G1 G54 G17 G21 G90 G94 M3 M9 T0 F300 S900", began=None)

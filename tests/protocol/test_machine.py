@@ -32,6 +32,15 @@ def test_a_link_makes_offline_idle_and_the_other_way_round():
     assert reduce(IDLE, LinkLost("pulled")).status == "offline"
 
 
+def test_whether_it_is_homed_is_known_for_an_epoch_only():
+    """Who switched it off while nobody listened, or moved it, has told nobody."""
+    homed = reduce(IDLE, Homed(()))
+    assert homed.homed is True
+    assert reduce(homed, LinkLost("pulled")).homed is None
+    assert reduce(IDLE, Homed(("x",))).homed is None
+    assert reduce(homed, Homed(("x",))).homed is True
+
+
 def test_an_alarm_outlives_the_handshake_and_ends_with_the_next_report():
     alarm = reduce(IDLE, StateReported("alarm", {"x": 9.0}, alarm=Alarm(6, "x", "soft limit")))
     assert reduce(alarm, LinkReady()).status == "alarm"
