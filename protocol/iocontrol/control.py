@@ -56,7 +56,7 @@ class IoControl(IoView):
             pin for pin in pins_of(config.protocol_version) if PINS[pin].direction == "in" and pin not in self._wired
         )
         self._told = WaitingFor(None)
-        self._handshake.abort(AbortReason.NOT_ON, Failure("aborted", "start-up"))
+        self._handshake.signal_start()
         self._settle()
 
     def next_event(self) -> Event | None:
@@ -268,7 +268,7 @@ class IoControl(IoView):
         if self.state is State.ABORTING:
             self._handshake.wait.resume()
         else:
-            self._handshake.abort(AbortReason.NOT_ON, Failure("aborted", "the tool changer has connected anew"))
+            self._handshake.signal_start()
         self._board.emit(Snapshot(self._board.values()))
 
     def _lose(self) -> None:

@@ -75,6 +75,11 @@ class Handshake:
         return self._in_doubt
 
     @property
+    def starting_up(self) -> bool:
+        """The abort that is not acknowledged yet is that of a start-up or of a new connection."""
+        return self.state is State.ABORTING and self._board[Pin.EMC_REASON] == AbortReason.NOT_ON
+
+    @property
     def busy(self) -> bool:
         """A request is open: under way, or waiting its turn."""
         return bool(self._requests)
@@ -282,6 +287,13 @@ class Handshake:
         self._drop()
         self._aborting()
         self._end_open(failure)
+
+    def signal_start(self) -> None:
+        """The abort of a start-up or of a new connection: nothing is under way, so no request and no job ends with it,
+        and a job that cuts keeps its coolant. What waits its turn waits for the acknowledgement too."""
+        self._board.next_step()
+        self._signal(AbortReason.NOT_ON)
+        self._aborting()
 
     def abort_by_fault(self, reason: int, *, in_doubt: bool = False, tool_lost: bool = False) -> None:
         """What a fault does to an M6, and to a T that cannot end (§2, §3). The step has begun, perhaps with the fault.

@@ -15,13 +15,17 @@ TOOLS_MAX: Final = 1_000
 """LinuxCNC has 1,001 places, one of them the spindle; further tools are left out."""
 WARNINGS_MAX: Final = 100
 """Told one by one; the rest is counted."""
+VALUE_MAX: Final = 1e6
+"""Millimetres, inches or degrees: far beyond every tool, and far from where numbers lose their thousandths."""
+WORD_MAX: Final = 40
+"""Characters of a number; the longest that is ever written has 25."""
 COMMENT_MAX: Final = 200
 """Characters of a comment that are kept."""
 ORIENTATION_MAX: Final = 9
 """Positions of a lathe tool's tip."""
 
 _WHOLE = re.compile(r"\+?[0-9]{1,10}")
-_REAL = re.compile(r"[+-]?(?:[0-9]{1,15}\.?[0-9]{0,15}|\.[0-9]{1,15})(?:[eE][+-]?[0-9]{1,2})?")
+_REAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,10 +188,12 @@ def _tool(words: str, comment: str) -> Tool | str:
 
 def _value(letter: str, text: str) -> float | int | None:
     if letter in _WHOLE_MAX:
-        value = int(text) if _WHOLE.fullmatch(text) else -1
-        return value if 0 <= value <= _WHOLE_MAX[letter] else None
-    # Adding 0.0 makes a plain zero of a negative one, which would not be written and so not come back.
-    return float(text) + 0.0 if _REAL.fullmatch(text) else None
+        whole = int(text) if _WHOLE.fullmatch(text) else -1
+        return whole if 0 <= whole <= _WHOLE_MAX[letter] else None
+    if len(text) > WORD_MAX or not _REAL.fullmatch(text):
+        return None
+    value = float(text) + 0.0  # a plain zero of a negative one, which would not be written and so not come back
+    return value if abs(value) <= VALUE_MAX else None
 
 
 def _fits(tool: Tool, tools: dict[int, Tool], pockets: set[int], *, random: bool) -> str | None:

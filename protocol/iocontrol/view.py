@@ -90,8 +90,12 @@ class IoView:
 
     @property
     def motion_allowed(self) -> bool:
-        """A program may move the machine: no M6 is open, no abort waits to be acknowledged, no e-stop."""
-        return self._estop.enabled and not self.change_pending and self.state not in (State.ABORTING, State.DOUBTING)
+        """A program may move the machine: no M6 is open, no abort waits to be acknowledged, no e-stop.
+
+        The abort of a changer that has connected anew is none of a job's that is cutting.
+        """
+        aborting = self.state is State.ABORTING and not self._handshake.starting_up
+        return self._estop.enabled and not self.change_pending and not aborting
 
     @property
     def change_moves_allowed(self) -> bool:
