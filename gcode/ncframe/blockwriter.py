@@ -134,9 +134,13 @@ class BlockWriter:
         )
 
     def _still(self, pending: Pending) -> list[Frame]:
-        """Words that move nothing; no frame where nothing is new."""
+        """Words that move nothing; no frame where nothing that they name is new."""
+        rates = not pending.values.keys().isdisjoint("FS")
         made = self.memory.items(
-            g=self._mode(pending), f=self._feed_now(pending), s=self._speed(pending), t=self._tool(pending)
+            g=self._mode(pending),
+            f=self._feed_now(pending) if rates else None,
+            s=self._speed(pending) if "S" in pending.values else None,
+            t=self._tool(pending),
         )
         return [Frame(int(pending.line), made, self.place)] if made else []
 
