@@ -21,6 +21,8 @@ from server.problems import ProblemError
 
 ALARM_CLEARED_WITHIN_S = 5.0
 """After that a reset goes on without the answer."""
+TAKEN_WITHIN_S = 3.0
+"""A machine that takes no command for so long in an alarm is locked by it (grbl II.3, ALARM 1 and 2)."""
 REFUSED_WITHIN_S = 0.5
 """A controller that refuses to home or to jog says so at once; whoever asked is told then."""
 UNDER_WAY = frozenset({"run", "jog", "hold", "home", "door", "tool"})
@@ -192,8 +194,11 @@ class Controller(Machine):
             raise ProblemError("not_connected", f"{self.name} is {self.link_status}.")
         if self.verbs.unlocks_only_in_alarm and self.state.status != "alarm":
             raise ProblemError("wrong_state", f"{self.name} is not in alarm: it is {self.state.status}.")
-        answer = self.manual.put(ClearAlarm)
-        self.pump()
+        answer = self.ask(ClearAlarm)
+        await asyncio.wait([answer], timeout=TAKEN_WITHIN_S)
+        if self.manual.withdraw(answer):
+            alarm = "" if self.state.alarm is None else f" ({self.state.alarm.message})"
+            raise ProblemError("wrong_state", f"{self.name} takes no command in this alarm{alarm}: reset it.")
         _done(await answer)
 
     async def run_blocks(self, blocks: list[str]) -> list[dict[str, Any]]:
@@ -202,6 +207,9 @@ class Controller(Machine):
         for block in blocks:
             if not block.strip() or not block.isprintable() or self.verbs.forbidden & set(block):
                 raise ProblemError("invalid_request", f"{block!r} is not one block of G-code.")
+            if self.verbs.system is not None and block.lstrip().startswith(self.verbs.system):
+                advice = "the settings, the offsets, homing and the rest have addresses of their own."
+                raise ProblemError("invalid_request", f"{block!r} is a system command and no G-code: {advice}")
         results: list[dict[str, Any]] = []
         for block in blocks:
             end = (await self.ask(partial(RunBlock, blocks=(block.strip(),)))).end

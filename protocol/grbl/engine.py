@@ -257,7 +257,7 @@ class GrblEngine(Watching):
             case FeedHold():
                 self._hold(token)
             case CycleStart():
-                self._resume(token)
+                self._go_on(token)
             case JogCancel():
                 self._cancel_jogs(token)
             case ToolAck():

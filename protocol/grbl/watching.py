@@ -39,11 +39,15 @@ class Watching(Resets):
         self._overrides: tuple[int, int, int] | None = None
         self._accessories: frozenset[str] = frozenset()
         self._told_rx_bytes: int | None = None
+        self._substate: int | None = None
+        self._reported_at = 0  # number of the question that the last report answers
+        self._going_on: list[int] = []  # wishes to go on that wait for the machine to stand
 
     def _on_report(self, report: StatusReport, now: float) -> None:
         busy = report.status not in ("idle", "alarm", "sleep") or not self._window.empty
         mark = self._poll.answered(now, self._dialect.busy_poll_s if busy else self._dialect.idle_poll_s)
         before, self._status = self._status, report.status
+        self._substate, self._reported_at = report.substate, self._poll.asked
         if self._phase in (Phase.RESETTING, Phase.RESTARTING):
             return  # from before the reset
         self._tell(report)
@@ -136,9 +140,41 @@ class Watching(Resets):
 
     # --- what waits for a state ---------------------------------------------------------------------------------
 
+    @property
+    def _slowing(self) -> bool:
+        """A hold was asked for, and no report has said yet that the machine stands."""
+        unseen = self._held_at is not None and self._reported_at <= self._held_at
+        return unseen or (self._status == "hold" and self._substate == 1)
+
+    def _go_on(self, token: int) -> None:
+        """II.2: `~` is heard in Hold:0 and not while the machine decelerates; until then the wish waits."""
+        if self._slowing:
+            self._going_on.append(token)
+        else:
+            self._resume(token)
+
+    def _hold(self, token: int | None = None) -> None:
+        """A hold ends every wish to go on that is older."""
+        self._give_up("it is held again")
+        super()._hold(token)
+
+    def _forget(self, why: str) -> None:
+        self._give_up(why)
+        super()._forget(why)
+
+    def _give_up(self, why: str) -> None:
+        tokens, self._going_on = self._going_on, []
+        for token in tokens:
+            self._fail(token, None, why)
+
     def _watch_hold(self, report: StatusReport) -> None:
         """A hold that was asked for before this report was asked for. Its byte may have been lost while the EEPROM was
         written (II.4): once more while it runs or would go on. Else it is over, ignored (Check), or was a jog's end."""
+        if self._going_on and not self._slowing:
+            tokens, self._going_on = self._going_on, []
+            for token in tokens:
+                self._resume(token)
+            return
         if self._held_at is None or self._poll.asked <= self._held_at or report.status in ("hold", "door"):
             return
         if report.status == "run" or (report.status == "idle" and self._batches):
