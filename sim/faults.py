@@ -104,6 +104,8 @@ class PacedWire:
 
     def receive(self, now: float) -> bytes:
         """The bytes that have arrived."""
+        if not self._flying:
+            return b""
         arrived: list[bytes] = []
         while self._flying:
             start_at, data = self._flying[0]

@@ -141,19 +141,44 @@ async def open_memory(
     return MemoryLink(Pump(machine, faults=faults, seed=seed, baud=baud), on_data)
 
 
+class _Client(asyncio.BufferedProtocol):
+    """Somebody at the port. The buffer is its own: asyncio would make one of 256 KiB for every few bytes."""
+
+    transport: asyncio.Transport
+
+    def __init__(self, shell: "TcpShell") -> None:
+        self._shell = shell
+        self._buffer = bytearray(READ_BYTES)
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self.transport = transport
+        self._shell.joined(self)
+
+    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - what it is called with
+        return self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        self._shell.heard(self, bytes(memoryview(self._buffer)[:nbytes]))
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - however it was lost
+        self._shell.left(self)
+
+
 class TcpShell:
     """One client at a time; a new one takes the place of the old one, as a re-plugged cable does."""
 
     def __init__(self, pump: Pump) -> None:
         self.pump = pump
         self._server: asyncio.Server | None = None
-        self._client: asyncio.StreamWriter | None = None
+        self._client: _Client | None = None
         self._host = ""
         self.port = 0
 
     async def open(self, host: str, port: int) -> None:
         self._host = host
-        self._server = await asyncio.start_server(self._serve, host, port, reuse_address=True)
+        loop = asyncio.get_running_loop()
+        self._server = await loop.create_server(lambda: _Client(self), host, port, reuse_address=True)
         self.port = self._server.sockets[0].getsockname()[1]
         self.pump.say = self._say
         self.pump.turn()
@@ -173,28 +198,28 @@ class TcpShell:
         await self.unplug()
         self.pump.stop()
 
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    def joined(self, client: _Client) -> None:
+        """Somebody has connected."""
         self._cut()
-        self._client = writer
+        self._client = client
         self.pump.opened()
         self.pump.turn()
-        try:
-            while data := await reader.read(READ_BYTES):
-                if self._client is not writer:
-                    break
-                self.pump.hear(data)
-        except ConnectionError:
-            pass
-        finally:
-            if self._client is writer:
-                self._client = None
-            writer.close()
+
+    def heard(self, client: _Client, data: bytes) -> None:
+        """Bytes from the port; nobody is heard any more who was replaced."""
+        if client is self._client:
+            self.pump.hear(data)
+
+    def left(self, client: _Client) -> None:
+        """The connection has ended, by whichever side."""
+        if client is self._client:
+            self._client = None
 
     def _say(self, data: bytes) -> None:
         client = self._client
         # A client that does not read loses bytes, as a UART's buffer does: the machine's memory is bounded.
         if client is not None and client.transport.get_write_buffer_size() < READ_BYTES:
-            client.write(data)
+            client.transport.write(data)
 
     def _cut(self) -> None:
         if self._client is not None:

@@ -9,6 +9,7 @@ import hashlib
 from dataclasses import dataclass
 
 BLANKS = b" \t\r\n"
+_MARKS = frozenset(";,<")
 
 
 def checksum(data: bytes) -> int:
@@ -74,7 +75,7 @@ def message(name: str, *params: tuple[str, str], encoding: str = "utf-8") -> byt
     parts = [name.encode("ascii")]
     for key, value in params:
         data = value.encode(encoding)
-        plain = data.isascii() and value.isprintable() and value == value.strip() and not set(value) & set(";,<")
+        plain = data.isascii() and value.isprintable() and value == value.strip() and _MARKS.isdisjoint(value)
         parts.append(key.encode("ascii") + (b"<#" + data if plain else b"<" + base64.b64encode(data)))
     return b",".join(parts) + b";"
 

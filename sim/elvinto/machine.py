@@ -94,9 +94,11 @@ class VirtualElvinto:
         return self._events.popleft() if self._events else None
 
     def next_timer(self) -> float | None:
-        return min(
-            (at for at in (self._boot_at, self._executor.ends_at, self._reports.due_at) if at is not None), default=None
-        )
+        at = self._boot_at
+        for other in (self._executor.ends_at, self._reports.due_at):
+            if other is not None and (at is None or other < at):
+                at = other
+        return at
 
     def handle_timer(self, now: float) -> None:
         """Does everything that was due until `now`, each thing at its own time."""
