@@ -18,7 +18,8 @@ COMMON = ("connect", "home", "unlock", "reset", "estop", "pause", "resume", "sto
 @dataclass(frozen=True, slots=True)
 class Verbs:
     """`capabilities` as the API names them. `forbidden`: characters that no block may hold, for they end it or act at
-    once; `system`: what a block may not begin with, for it is no G-code and has a route of its own. `hold`, `go_on`, `drop`, `reset`, `cancel_jog` go out on the realtime lane, before anything else.
+    once; `system`: what a block may not begin with, for it is no G-code and has a route of its own. `hold`, `go_on`,
+    `drop`, `reset`, `cancel_jog` go out on the realtime lane, before anything else.
 
     `refuses_at_once`: what it does not want to do, to home or to jog, it refuses before it begins.
     """

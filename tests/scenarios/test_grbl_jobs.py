@@ -1,4 +1,4 @@
-"""Jobs on a virtual Grbl through the whole chain, in simulated time: what people, the machine and the wire do to them."""
+"""Jobs on a virtual Grbl through the whole chain, in simulated time: what people, machine and wire do to them."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -304,7 +304,7 @@ def test_a_daemon_that_dies_leaves_the_lines_in_doubt_named(tmp_path: Path) -> N
         await bench.cable.live_alone(4)
         before = len(bench.executed())
         moved = sum(bool(line.moves) for line in bench.machine.executed)
-        shop = await bench.connected()
+        await bench.connected()
         view = await bench.status(job["id"], "interrupted", within_s=60.0)
         assert view["error"]["line_from"] == view["progress"]["line"] + 1
         assert view["progress"]["line"] <= 4 + moved <= view["error"]["line_to"]
