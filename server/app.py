@@ -59,7 +59,7 @@ class Parts:
             clock=WallClock(),
             open_db=lambda path: DbThread(path, asyncio.get_running_loop()),
             worker=ThreadWorker,
-            opener=lambda config: PortOpener(config.protocol),
+            opener=lambda config: PortOpener(config.protocol, dtr=config.dtr),
         )
 
 

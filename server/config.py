@@ -112,6 +112,7 @@ class MachineConfig(Section):
     port: PortName
     baud: Annotated[int, Field(ge=300, le=12_000_000)] = 115200
     autoconnect: bool = True
+    dtr: bool = True
     resume_within: Annotated[float, Field(ge=0, le=3600)] = 10.0
     elvinto: ElvintoConfig = ElvintoConfig()
     grbl: GrblConfig = GrblConfig()

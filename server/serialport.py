@@ -7,6 +7,7 @@ and exclusively, `write` never waits, and the loss of the port is told exactly o
 import asyncio
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
@@ -86,8 +87,9 @@ class PortOpener:
     """Opens whatever a URL names. One for each machine, of its protocol: a built-in virtual machine outlives its
     connections."""
 
-    def __init__(self, protocol: str) -> None:
+    def __init__(self, protocol: str, *, dtr: bool = True) -> None:
         self._protocol = protocol
+        self._dtr = dtr
         self._simulated: dict[str, Any] = {}
 
     async def __call__(self, url: str, baud: int, on_data: OnData, on_lost: OnLost) -> Port:
@@ -96,7 +98,7 @@ class PortOpener:
             return await self._open_simulated(url.removeprefix("sim:").removeprefix("?"), on_data)
         if url.startswith("tcp://"):
             return await _open_tcp(url, on_data, on_lost)
-        return await _open_device(url, baud, on_data, on_lost)
+        return await _open_device(url, baud, on_data, on_lost, dtr=self._dtr)
 
     async def _open_simulated(self, query: str, on_data: OnData) -> Port:
         from sim.kinds import build
@@ -128,10 +130,16 @@ async def _open_tcp(url: str, on_data: OnData, on_lost: OnLost) -> Port:
     return stream
 
 
-async def _open_device(path: str, baud: int, on_data: OnData, on_lost: OnLost) -> Port:
+async def _open_device(path: str, baud: int, on_data: OnData, on_lost: OnLost, *, dtr: bool) -> Port:
     def open_blocking() -> serial.Serial:
         # Two opens of one port are allowed unless exclusive is asked for, and each would get half of the answers.
-        return serial.Serial(path, baudrate=baud, exclusive=True, timeout=0, write_timeout=0)
+        device = serial.Serial(None, baudrate=baud, exclusive=True, timeout=0, write_timeout=0)
+        device.port, device.dtr = path, dtr
+        device.open()
+        with suppress(ValueError, OSError, AttributeError):
+            # FTDI chips keep what they have heard for 16 ms otherwise. A pty and most other chips know no such mode.
+            device.set_low_latency_mode(True)
+        return device
 
     try:
         device = await asyncio.to_thread(open_blocking)
