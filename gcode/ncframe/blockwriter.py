@@ -155,7 +155,7 @@ class BlockWriter:
         frames: list[Frame] = []
         s, t = self._speed(pending), self._tool(pending)
         for row in pending.rows:
-            if any(isnan(value) for value in row.end):
+            if any(map(isnan, (*row.start, *row.end))):
                 pending.note("position_unknown", "where this leads is not known")
                 continue
             feed = self._feed(pending, row)

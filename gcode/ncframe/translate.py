@@ -45,16 +45,17 @@ class _Words:
 class Translator:
     """One program. `errors` is what was found so far; nothing may be sent of a program that has any.
 
-    `position` is where the machine stands, in mm from the host's zero; the host keeps the account from there on,
-    whatever G92 and G54 make of its coordinates. An axis that is absent has to be named by G92 (or moved in steps
-    only) before the program can use it.
+    `position` is where the machine stands, in mm from the host's zero, X a diameter where the program has diameters;
+    the host keeps the account from there on, whatever G92 and G54 make of its coordinates. An axis that is absent has
+    to be named by G92 (or moved in steps only) before the program can use it.
     """
 
     def __init__(self, profile: Profile, rules: FrameRules, position: Mapping[str, float] | None = None) -> None:
         self.profile = profile_for(profile, rules)
         self.errors: list[Note] = []
         self._rules = rules
-        state = state_for(self.profile, position)
+        self._scale = {axis: 2.0 if axis == "x" and rules.diameter_programming else 1.0 for axis in profile.axes}
+        state = state_for(self.profile, self._inward(position or {}))
         self._unlocated = {row for row, value in enumerate(state.position) if isnan(value)}
         self._unset = set(self._unlocated)
         state.position = [0.0 if isnan(value) else value for value in state.position]
@@ -82,7 +83,7 @@ class Translator:
 
     def relocate(self, position: Mapping[str, float]) -> None:
         """Where the machine really stands. Only where everything is `settled`."""
-        state = self.state
+        state, position = self.state, self._inward(position)
         for row, axis in enumerate(state.axes.lower()):
             if axis in position:
                 self._unlocated.discard(row)
@@ -206,9 +207,8 @@ class Translator:
             pending = self._waiting.popleft()
             del self._by_block[pending.line.block]
             frames += self._writer.write(pending)
-        if self._unlocated:
-            for frame in frames:
-                frame.end = self._located(frame.end)
+        for frame in frames:
+            frame.end = self._located(frame.end)
         return frames
 
     def _share_out(self, rows: Iterable[Row]) -> None:
@@ -218,7 +218,17 @@ class Translator:
                 pending.rows.append(row)
 
     def _located(self, place: tuple[float, ...]) -> tuple[float, ...]:
-        return tuple([nan if row in self._unlocated else value for row, value in enumerate(place)])
+        """As it is told outside."""
+        scales = self._scale.values()
+        return tuple(
+            [
+                nan if row in self._unlocated else value * scale
+                for row, (value, scale) in enumerate(zip(place, scales, strict=True))
+            ]
+        )
+
+    def _inward(self, position: Mapping[str, float]) -> dict[str, float]:
+        return {axis: value / self._scale[axis] for axis, value in position.items() if axis in self._scale}
 
 
 _STEPS = {"X": "U", "Z": "W"}

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from gcode.ncframe.arcs import TOLERANCE_COUNTS, Lattice, Piece, pieces
 from gcode.ncframe.items import Items
 from tests.harness.frameprograms import Machine
+from tests.harness.programs import quick
 
 LATTICE = Lattice(0.001)
 
@@ -73,6 +74,7 @@ def test_an_arc_of_less_than_a_count_is_nothing() -> None:
     assert arc(0j, 0j, 0.0001 + 0j) == []
 
 
+@quick
 @given(
     st.floats(0.02, 500),
     st.floats(0, 2 * pi),

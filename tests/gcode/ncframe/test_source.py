@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from gcode.ncframe.source import MAX_PADDING, Semicolon, blocks_of_line, blocks_of_lines
 from gcode.words import parse_block
+from tests.harness.programs import quick
 
 
 def blocks(raw: bytes, semicolon: Semicolon = "end") -> list[bytes]:
@@ -57,6 +58,7 @@ def test_a_hostile_line_makes_no_square_of_itself() -> None:
     assert sum(map(len, made)) < 50_000 + MAX_PADDING * MAX_PADDING
 
 
+@quick
 @given(st.binary(max_size=60), st.sampled_from(["end", "remark"]))
 def test_any_bytes_are_blocks(raw: bytes, semicolon: Semicolon) -> None:
     made = list(blocks_of_line(raw, semicolon))

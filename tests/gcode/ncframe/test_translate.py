@@ -10,6 +10,7 @@ from gcode.ncframe.rules import FrameRules
 from gcode.ncframe.translate import MAX_WAITING, Translator
 from gcode.words import parse_block
 from tests.harness.frameprograms import LATHE, ORIGIN, errors, executed, frames, translation
+from tests.harness.programs import quick
 
 EXAMPLE = "G00,G90,G42,X35000,Z160000,F50,S07,T33,M03"
 
@@ -53,6 +54,14 @@ def test_diameter_programming_halves_x_and_u_and_leaves_the_radius() -> None:
     assert found == ["G0 X20000 Z1000", "X-5000", "G1 X-15000 F9", "G3 X5000 Z-5000 R5000", "G1 X-4000"]
 
 
+def test_with_diameters_positions_are_told_as_diameters() -> None:
+    translator = Translator(LATHE, FrameRules(diameter_programming=True), {"x": 40.0, "z": 0.0})
+    [frame] = translator.step(1, parse_block("G0 X50 Z1"))
+    assert (frame.items.text(), frame.end, translator.place) == ("G0 X5000 Z1000", (50.0, 1.0), (50.0, 1.0))
+    translator.relocate({"x": 30.0, "z": 0.0})
+    assert [frame.items.text() for frame in translator.step(2, parse_block("X50 Z1"))] == ["G0 X10000 Z1000"]
+
+
 def test_a_resolution_of_its_own() -> None:
     assert frames("G0 X1 Z-0.3", resolution_mm=0.02) == ["G0 X50 Z-15"]
 
@@ -67,6 +76,7 @@ STEPS = st.lists(
 )
 
 
+@quick
 @given(STEPS)
 def test_the_increments_add_up_to_the_rounded_path_at_every_block(steps: list[tuple[str, str, int]]) -> None:
     """The path is kept here in exact tenths of a count."""
@@ -356,6 +366,7 @@ WORDS = st.sampled_from(
 )
 
 
+@quick
 @given(st.lists(st.lists(WORDS, max_size=5).map(" ".join), max_size=25), st.sampled_from(["contour", "offset"]))
 def test_no_block_raises_and_what_has_no_error_fits_into_frames(lines: list[str], compensation: str) -> None:
     translator = Translator(LATHE, FrameRules(tool_radius_mm=0.4, compensation=compensation), ORIGIN)  # type: ignore[arg-type]
