@@ -7,11 +7,13 @@ handed over by then is taken back, and of one that was it is said that it may st
 
 import asyncio
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, Literal
 
 from protocol.commands import (
     CheckMode,
+    Locate,
     ReadFirmware,
     ReadModal,
     ReadOffsets,
@@ -43,6 +45,8 @@ HANDED_OVER_WITHIN_S = 5.0
 is a reset and what is read after it."""
 ANSWERED_WITHIN_S = 60.0
 """A start-up block may move when it is written, and everything waits until the machine stands."""
+
+LOOK_EVERY_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +162,9 @@ class Enquiries:
         await self._ask(WRITE_INFO, lambda token: WriteInfo(token, text))
 
     async def write_startup_block(self, index: int, block: str) -> None:
-        """Store a start-up block. The controller executes it before it stores it."""
+        """Store a start-up block. The controller executes it before it stores it: done when the machine stands."""
         await self._ask(WRITE_STARTUP, lambda token: WriteStartupBlock(token, index, block))
+        await self._stand()
 
     async def run_offset_block(self, block: str) -> None:
         """A block that sets or clears an offset."""
@@ -226,6 +231,15 @@ class Enquiries:
         if isinstance(answer.end, CommandFailed):
             raise self._refusal(verb, answer.end)
         return answer
+
+    async def _stand(self) -> None:
+        """Until a report that was asked for now says idle, or it takes too long; whoever asks next is told then."""
+        with suppress(ProblemError):  # the block is stored; that too many others ask is for the next question to say
+            for _ in range(round(ANSWERED_WITHIN_S / LOOK_EVERY_S)):
+                await asyncio.wait([self._controller.ask(Locate)], timeout=HANDED_OVER_WITHIN_S)
+                if self._controller.state.status != "run":
+                    return
+                await asyncio.sleep(LOOK_EVERY_S)
 
     def _refusal(self, verb: Verb, failed: CommandFailed) -> ProblemError:
         name = self._name

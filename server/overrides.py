@@ -8,6 +8,7 @@ corrects what was counted. The one rule: the newest wish counts, and every wish 
 
 import asyncio
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
@@ -27,8 +28,8 @@ RAPIDS: Final[dict[int, Step]] = {100: "reset", 50: "50", 25: "25"}
 STEP_S: Final = 0.05
 """Between two bytes: longer than a status report keeps the controller from looking at its flags (5-20 ms)."""
 SETTLED_S: Final = 1.0
-"""Behind the last byte, until a report must have told what came of it: two polls at rest and the one report in between
-that tells the work offset instead."""
+"""Behind the last byte, until a report must have told what came of it: at rest five come a second, and one of them
+may tell the work offset instead. A report from before the byte proves nothing."""
 MOST_ROUNDS: Final = 3
 """Corrections, after which what the reports say stands: somebody at a pendant wants something else."""
 
@@ -106,9 +107,8 @@ class Overrides:
             under_way = self._wishes.get(kind)
             present = self._reported(kind) if under_way is None else under_way.expected
             self._wishes[kind] = self._plan(kind, wanted, present)
-        if self._timer is not None:
-            self._timer.cancel()
-        self._step()
+        if self._timer is None:
+            self._step()
 
     def _plan(self, kind: Kind, wanted: int, present: int | None, rounds: int = 1) -> _Wish:
         if kind == "rapid":
@@ -119,25 +119,29 @@ class Overrides:
         return self._state().overrides.get(kind)
 
     def _step(self) -> None:
-        """A byte of each, then a look at the reports."""
+        """A byte of each, then a look at the reports. Raises ProblemError without a link: then nothing is wanted any
+        more, for a controller that comes back begins at 100 %."""
         self._timer = None
-        for kind, wish in tuple(self._wishes.items()):
-            if wish.todo:
-                self._send(kind, wish)
-            elif wish.settled_at is None:
-                wish.settled_at = self._loop.time() + SETTLED_S
-            elif self._reported(kind) == wish.wanted:
-                del self._wishes[kind]
-            elif self._loop.time() >= wish.settled_at:
-                self._correct(kind, wish)
+        try:
+            for kind, wish in tuple(self._wishes.items()):
+                self._pursue(kind, wish)
+        except ProblemError:
+            self._wishes.clear()
+            raise
         if self._wishes:
             self._timer = self._loop.call_later(STEP_S, self._tick)
 
     def _tick(self) -> None:
-        try:
+        with suppress(ProblemError):
             self._step()
-        except ProblemError:
-            self._wishes.clear()  # the link is down; a controller that comes back begins at 100 %
+
+    def _pursue(self, kind: Kind, wish: _Wish) -> None:
+        if wish.todo:
+            self._send(kind, wish)
+        elif wish.settled_at is None:
+            wish.settled_at = self._loop.time() + SETTLED_S
+        elif self._loop.time() >= wish.settled_at:
+            self._conclude(kind, wish)
 
     def _send(self, kind: Kind, wish: _Wish) -> None:
         step = wish.todo.pop(0)
@@ -145,8 +149,8 @@ class Overrides:
         if step == "reset" or wish.expected is not None:
             wish.expected = after(wish.expected or NEUTRAL_PERCENT, step)
 
-    def _correct(self, kind: Kind, wish: _Wish) -> None:
-        if wish.rounds >= MOST_ROUNDS:
+    def _conclude(self, kind: Kind, wish: _Wish) -> None:
+        if self._reported(kind) == wish.wanted or wish.rounds >= MOST_ROUNDS:
             del self._wishes[kind]
         else:
             self._wishes[kind] = self._plan(kind, wish.wanted, self._reported(kind), wish.rounds + 1)

@@ -105,9 +105,11 @@ class Switches:
             )
 
     async def _until(self, seen: Callable[[], bool]) -> bool:
-        """Whether the reports come to show it."""
+        """Whether the reports come to show it. Raises ProblemError when the link breaks."""
         for _ in range(round(REPORTED_WITHIN_S / LOOK_EVERY_S)):
             if seen():
                 return True
             await asyncio.sleep(LOOK_EVERY_S)
+            if self._controller.link_status != "connected":
+                raise ProblemError("no_answer", f"The link to {self._name} broke; what runs there is not known.")
         return seen()

@@ -101,7 +101,7 @@ def _pressed(app: FastAPI, services: Services) -> None:
         role=Role.OPERATOR,
         summary="Switch flood and mist",
         model=CoolantResult,
-        errors=(*PRESSING, "wrong_state", "alarm_active", "command_failed"),
+        errors=(*PRESSING, "wrong_state", "alarm_active", "command_failed", "no_answer"),
     )
     async def set_coolant(m: MachineName, body: CoolantRequest) -> Response:
         """Also while a job runs. Answers when the reports show it."""
