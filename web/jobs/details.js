@@ -45,7 +45,7 @@ function Trouble({ error }) {
 /** @param {{job: import("../types.js").Job}} props */
 function Facts({ job }) {
   const { progress } = job;
-  const left = remaining(progress);
+  const left = ENDED.has(job.status) ? null : remaining(progress);
   return html`<dl class="facts">
     <div><dt>${t("job.machine")}</dt><dd>${job.machine}</dd></div>
     <div><dt>${t("job.certain")}</dt><dd data-name="certain">${t("band.lines", { line: progress.line, lines: progress.lines })}</dd></div>

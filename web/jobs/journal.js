@@ -1,7 +1,7 @@
 // The journal and the history of a job, page by page, and as files. The rule: as the daemon keeps it, nothing left out.
 
 import { html, useEffect, useState } from "../lib/ui.js";
-import { dateTime, number, t, time } from "../lib/i18n.js";
+import { number, t, time } from "../lib/i18n.js";
 import { csv } from "../lib/format.js";
 import { save } from "../lib/save.js";
 import { get } from "../net/http.js";
@@ -31,9 +31,9 @@ export function Journal({ job }) {
   const [kind, setKind] = useState(/** @type {"events" | "batches"} */ ("events"));
   const [rows, setRows] = useState(/** @type {any[] | null} */ (null));
   const path = `/jobs/${job.id}/${kind}`;
+  useEffect(() => setRows(null), [path]);
   useEffect(() => {
     let wanted = true;
-    setRows(null);
     if (live.value) attempt(() => all(path, kind === "events" ? "id" : "seq")).then((found) => { if (wanted && found) setRows(found); });
     return () => { wanted = false; };
   }, [path, job.status, live.value]);
@@ -55,13 +55,13 @@ export function Journal({ job }) {
 /** @param {{rows: any[]}} props */
 function Events({ rows }) {
   return html`<table><tbody>${rows.slice(-SHOWN).reverse().map((one) => html`<tr key=${one.id}>
-    <td>${dateTime(one.at)}</td><td><b>${one.type}</b></td><td class="data">${said(one)}</td></tr>`)}</tbody></table>`;
+    <td class="figure">${time(one.at)}</td><td><b>${one.type}</b></td><td class="data">${said(one)}</td></tr>`)}</tbody></table>`;
 }
 
 /** A dump of frames is for the file. @param {any} event */
 function said({ type, data }) {
   if (type === "frames") return t("journal.frames", { count: data.frames?.length ?? 0 });
-  return Object.entries(data).filter(([, value]) => value !== null)
+  return Object.entries(data).filter(([key, value]) => value !== null && key !== "program") // a hash tells people nothing
     .map(([key, value]) => `${key} ${typeof value === "object" ? JSON.stringify(value) : value}`).join(" · ");
 }
 

@@ -1,5 +1,5 @@
 // The words of the page in the reader's language. Not what the daemon or a controller says: that is shown as it comes.
-// The rule: a key that is missing is shown as the key, so that it is found; numbers and times follow the language.
+// The rule: a key that is missing is shown as the key, so that it is found; numbers follow the language, times read the same in all.
 
 import { computed, signal } from "./ui.js";
 import { language } from "./prefs.js";
@@ -40,9 +40,18 @@ export function t(key, values) {
 export const number = (value, digits = 0) =>
   new Intl.NumberFormat(loaded.value || "en", { minimumFractionDigits: digits, maximumFractionDigits: digits }).format(value);
 
-/** @param {string | Date | null} at */
-export const time = (at) => (at === null ? "" : new Date(at).toLocaleTimeString(loaded.value || "en"));
+const pad = (/** @type {number} */ part) => String(part).padStart(2, "0");
 
-/** @param {string | null} at */
-export const dateTime = (at) =>
-  at === null ? "" : new Date(at).toLocaleString(loaded.value || "en", { dateStyle: "short", timeStyle: "short" });
+/** 14:05:09 on this computer's clock. @param {string | Date | null} at */
+export function time(at) {
+  if (at === null) return "";
+  const local = new Date(at);
+  return [local.getHours(), local.getMinutes(), local.getSeconds()].map(pad).join(":");
+}
+
+/** 2026-03-01 14:05: no country reads it another way. @param {string | null} at */
+export function dateTime(at) {
+  if (at === null) return "";
+  const local = new Date(at);
+  return `${local.getFullYear()}-${pad(local.getMonth() + 1)}-${pad(local.getDate())} ${pad(local.getHours())}:${pad(local.getMinutes())}`;
+}

@@ -10,12 +10,9 @@ let context = null;
 
 /** @param {keyof typeof TONES_HZ} kind */
 function play(kind) {
-  if (!soundOn.peek()) return;
+  if (!soundOn.peek() || navigator.userActivation?.hasBeenActive === false) return;
   context ??= new AudioContext();
-  if (context.state !== "running") {
-    context.resume().catch(() => {});
-    if (!navigator.userActivation?.hasBeenActive) return;
-  }
+  if (context.state !== "running") context.resume().catch(() => {});
   let at = context.currentTime + 0.02;
   for (const hertz of TONES_HZ[kind]) {
     const tone = context.createOscillator(), loudness = context.createGain();

@@ -52,7 +52,7 @@ export function JogPanel() {
       ${can("home") && html`<div class="pad-home"><${Button} name="home" icon="home" label=${t("jog.home")} reason=${against("home")} quiet
         onPress=${() => verb("home")} /></div>`}
     </div>
-    ${extra.length > 0 && html`<div class="row">${extra.flatMap((axis) => [-1, 1].map((sign) => html`<${PadButton}
+    ${extra.length > 0 && html`<div class="row extra">${extra.flatMap((axis) => [-1, 1].map((sign) => html`<${PadButton}
       key=${axis + sign} way=${{ [axis]: sign }} icon="" name=${`${axis.toUpperCase()}${sign < 0 ? "−" : "+"}`} place="" off=${Boolean(reason)} />`))}</div>`}
     <${Steps} />
     <${Feed} />

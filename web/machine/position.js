@@ -24,7 +24,7 @@ export function Position() {
   return html`<section class=${`panel position ${now.link === "connected" ? "" : "old"}`} aria-label=${t("position.title")}>
     <header><h2>${t("position.work")}</h2><h3>${t("position.machine")}</h3></header>
     ${axes.length === 0 && html`<p class="empty">${t("position.unknown")}</p>`}
-    <ul class="axes">${axes.map((axis) => html`<li key=${axis} data-axis=${axis}>
+    <ul class="axes">${axes.map((axis) => html`<li key=${axis} data-axis=${axis} class=${ROTARY.has(axis) ? "rotary" : ""}>
       <b>${axis.toUpperCase()}</b>
       <output class="work">${work[axis] === undefined ? "–" : coordinate(work[axis])}</output>
       <output class="absolute">${absolute[axis] === undefined ? "–" : coordinate(absolute[axis])}</output>

@@ -1,0 +1,101 @@
+"""A real browser in front of a real daemon with a virtual mill, for the tests of the dashboard.
+
+Chromium of the system, driven by Playwright. The one rule: a page that says anything on its console, throws, or runs
+against the security policy fails its test, unless the test has said before that it will.
+"""
+
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
+
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+FLAGS = (
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+)  # fmt: skip
+WITHIN_MS = 20_000
+"""For everything that takes a moment on a computer that has nothing else to do."""
+DESK, TABLET, PHONE = (1920, 1080), (1024, 768), (390, 844)
+
+
+def needs_chromium() -> None:
+    """Skip loudly where there is no browser, or fail where there must be one."""
+    if CHROMIUM is None:
+        if os.environ.get("REQUIRE_BROWSER"):
+            pytest.fail("REQUIRE_BROWSER is set, and there is no Chromium: apt-get install chromium")
+        pytest.skip("Chromium is not installed: THE DASHBOARD WAS NOT TESTED HERE")
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """The browser, for all tests of a process."""
+    needs_chromium()
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+@dataclass
+class Screen:
+    """One person's browser. `allowed`: what its console may say, as regular expressions."""
+
+    context: BrowserContext
+    page: Page
+    url: str
+    said: list[str] = field(default_factory=list)
+    allowed: list[str] = field(default_factory=list)
+
+    def go(self, place: str = "") -> None:
+        """To a place of the dashboard, as `mill/jobs`, and wait until it is alive."""
+        self.page.goto(f"{self.url}/#/{place}")
+        expect(self.named("connection")).to_have_class(re.compile("live"))
+
+    def named(self, name: str) -> Any:
+        """The element that the pages call so."""
+        return self.page.locator(f'[data-name="{name}"]')
+
+    def press(self, name: str) -> None:
+        """Press a button, which must be one that can be pressed."""
+        button = self.named(name)
+        expect(button).not_to_have_attribute("aria-disabled", "true")
+        button.click()
+
+    def status(self, *wanted: str) -> None:
+        """Wait for the machine's state in the band."""
+        expect(self.named("band")).to_have_attribute("data-status", re.compile(f"^({'|'.join(wanted)})$"))
+
+    def complaints(self) -> list[str]:
+        """What the page said and nobody allowed."""
+        return [one for one in self.said if not any(re.search(pattern, one) for pattern in self.allowed)]
+
+
+@contextmanager
+def screen(browser: Browser, url: str, size: tuple[int, int] = DESK, **options: Any) -> Iterator[Screen]:
+    """A new browser with no memory of any other."""
+    expect.set_options(timeout=WITHIN_MS)
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]}, locale="en-US", **options)
+    context.set_default_timeout(WITHIN_MS)
+    page = context.new_page()
+    one = Screen(context, page, url)
+
+    def hear(message: ConsoleMessage) -> None:
+        if message.type in ("error", "warning"):
+            one.said.append(f"{message.type}: {message.text}")
+
+    page.on("console", hear)
+    page.on("pageerror", lambda error: one.said.append(f"thrown: {error}"))
+    try:
+        yield one
+        assert one.complaints() == []
+    finally:
+        context.close()

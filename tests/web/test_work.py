@@ -1,0 +1,139 @@
+"""A day's work on the dashboard, in a real browser: upload, check, start, pause, resume, history, queue, files."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.harness.browser import Screen
+from tests.harness.process import Daemon
+
+pytestmark = pytest.mark.real
+
+CLEAN = "G21 G90\nG28\nM3 S12000\n"
+PART = CLEAN + "".join(f"G1 X{i % 20} Y{i % 7} F3000\n" for i in range(1, 120)) + "M5\nM30\n"
+FAULTY = "G21 G90\nG1 X5 F1000\nG55\nM30\n"
+SOON_MS = 4000
+
+
+def held(mill: Daemon, name: str, text: str, **options: Any) -> int:
+    program = mill.http.post("/api/v1/programs", params={"name": name}, content=text).json()
+    body = {"program": program["id"], "machine": "mill", "hold": True, "force": True, **options}
+    return int(mill.post("/jobs", body)["id"])
+
+
+def upload(person: Screen, name: str, text: str) -> None:
+    person.go("mill/programs")
+    person.named("file").set_input_files({"name": name, "mimeType": "text/plain", "buffer": text.encode()})
+    expect(person.named("program").locator("h2")).to_contain_text(name)
+
+
+def test_from_the_upload_to_the_history(person: Screen, mill: Daemon) -> None:
+    upload(person, "part.nc", PART)
+    expect(person.named("report")).to_have_attribute("data-verdict", "warnings")
+    person.press("run")
+    person.press("force")  # G28 is a warning on this controller
+    person.status("run")
+    done = person.named("done")
+    expect(done).to_have_text(re.compile(r"line [1-9]\d* of 124"))
+    person.press("pause")
+    person.status("hold")
+    expect(person.named("status")).to_have_text("Paused")
+    job = mill.get("/jobs?limit=1")[0]
+    assert job["status"] == "paused"
+    expect(done).to_have_text(f"line {job['progress']['line']} of 124")
+    person.press("resume")
+    person.status("run")
+    person.status("idle")
+    assert mill.get(f"/jobs/{job['id']}")["status"] == "completed"
+    person.page.get_by_role("link", name="Jobs").click()
+    row = person.page.locator(f"tr[data-job='{job['id']}']")
+    expect(row).to_have_attribute("data-status", "completed")
+    row.click()
+    expect(person.named("certain")).to_have_text("line 124 of 124")
+
+
+def test_a_program_with_errors_cannot_be_started_and_shows_the_line(person: Screen) -> None:
+    upload(person, "faulty.nc", FAULTY)
+    expect(person.named("report")).to_have_attribute("data-verdict", "errors")
+    for button in ("run", "enqueue"):
+        expect(person.named(button)).to_have_attribute("aria-disabled", "true")
+        expect(person.named(button)).to_contain_text("check has errors")
+    person.page.locator("[data-name=report] button[data-line='3']").click()
+    expect(person.page.locator(".lines li.shown")).to_have_attribute("data-line", "3")
+    expect(person.page.locator(".lines li.m-errors code")).to_have_text("G55")
+
+
+def test_the_queue_is_put_in_another_order_and_started(person: Screen, mill: Daemon) -> None:
+    first, second, third = (held(mill, f"p{n}.nc", f"{CLEAN}G1 X{n} F900\nM30\n") for n in (1, 2, 3))
+    names = person.page.locator("[data-name=queue] li .name")
+    expect(names).to_have_text(["p1.nc", "p2.nc", "p3.nc"])
+    person.page.locator(f"[data-name=queue] li[data-job='{third}']").get_by_role("button", name="Earlier").click()
+    expect(names).to_have_text(["p1.nc", "p3.nc", "p2.nc"])
+    person.page.locator(f"[data-name=queue] li[data-job='{first}'] [data-name=remove]").click()
+    expect(names).to_have_text(["p3.nc", "p2.nc"])
+    person.press("start")
+    mill.status(third, "completed")
+    expect(names).to_have_text(["p2.nc"])
+    assert mill.get(f"/jobs/{second}")["status"] == "queued"
+
+
+def test_the_history_is_filtered_run_again_and_taken_away_as_files(person: Screen, mill: Daemon) -> None:
+    done = mill.job(f"{CLEAN}G1 X1 F900\nM30\n")
+    mill.status(done, "completed")
+    cancelled = held(mill, "held.nc", f"{CLEAN}G1 X2 F900\nM30\n")
+    mill.post(f"/jobs/{cancelled}/cancel")
+    person.go("mill/jobs")
+    rows = person.page.locator("tr[data-job]")
+    expect(rows.nth(0)).to_have_attribute("data-job", str(cancelled))
+    expect(rows.nth(1)).to_have_attribute("data-job", str(done))
+    person.page.locator("[data-filter=cancelled]").click()
+    expect(person.page.locator(f"tr[data-job='{done}']")).to_have_count(0)
+    expect(rows.nth(0)).to_have_attribute("data-job", str(cancelled))
+    person.go(f"mill/jobs/{done}")
+    person.page.locator("[data-journal=batches]").click()
+    assert downloaded(person, "csv").startswith("seq,wire_id,line_from,line_to,")
+    assert json.loads(downloaded(person, "json"))["job"]["status"] == "completed"
+    person.press("rerun")
+    expect(person.page).to_have_url(re.compile(rf"/jobs/{cancelled + 1}$"))
+    expect(person.named("job")).to_have_attribute("data-status", "completed")
+
+
+def downloaded(person: Screen, button: str) -> str:
+    with person.page.expect_download() as waiting:
+        person.named(button).click()
+    return Path(waiting.value.path()).read_text(encoding="utf-8")
+
+
+def test_a_million_lines_open_at_once(person: Screen, mill: Daemon) -> None:
+    text = "".join(f"G1 X{i % 900}.{i % 10} Y{i % 70} F3000 (line {i})\n" for i in range(1, 1_000_001))
+    stored = mill.http.post("/api/v1/programs?name=long.nc", content=text).json()
+    lines, shown = person.page.locator(".lines li"), person.page.locator(".lines li.shown")
+    person.go(f"mill/programs/{stored['id']}")
+    expect(lines.first).to_have_text(re.compile(r"^1\s*G1 X1\.1 Y1 F3000 \(line 1\)$"), timeout=SOON_MS)
+    person.named("go-line").fill("765432")
+    person.named("go-line").press("Enter")
+    expect(shown).to_have_text(re.compile(r"^765432\s*.*\(line 765432\)$"), timeout=SOON_MS)
+    person.named("lines").press("End")
+    expect(lines.last).to_have_text(re.compile(r"^1000000\s*.*\(line 1000000\)$"), timeout=SOON_MS)
+    person.named("lines").press("PageUp")
+    seen = person.page.evaluate("[...document.querySelectorAll('.lines li')].map((one) => Number(one.dataset.line))")
+    assert seen == list(range(seen[0], seen[-1] + 1))
+    assert seen[-1] < 1_000_000
+    assert len(seen) < 120, "only what is in sight is drawn"
+    box = "document.querySelector('.lines')"
+    person.page.evaluate(f"{box}.scrollTop = {box}.scrollHeight / 2")
+    expect(lines.nth(5)).to_have_text(re.compile(r"\(line (49|50)\d{4}\)$"), timeout=SOON_MS)
+
+
+def test_what_files_and_people_say_is_text(person: Screen, mill: Daemon) -> None:
+    trap = "<img src=x onerror=alert>"
+    job = held(mill, f"{trap}.nc", f"{CLEAN}(a comment)\nM30\n", note=trap)
+    program = mill.get(f"/jobs/{job}")["program"]
+    for place in ("", "mill/programs", f"mill/programs/{program}", "mill/jobs", f"mill/jobs/{job}"):
+        person.go(place)
+        expect(person.page.get_by_text(trap).first).to_be_visible()
+        assert person.page.locator("img[src=x]").count() == 0
