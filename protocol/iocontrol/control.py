@@ -234,7 +234,7 @@ class IoControl(IoView):
             self._handshake.abort(AbortReason.TASK_EXEC_ERROR, Failure("aborted", message))
         else:
             self._handshake.request_change(line, at_position=at_position)
-            self._settle()
+        self._settle()
 
     def _checked(self, values: Mapping[str, object]) -> dict[Pin, bool | int]:
         levels = dict(
