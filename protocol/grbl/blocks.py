@@ -5,14 +5,15 @@ has come; certain blocks behind a line do: when as many have been planned as the
 The one rule: when in doubt there is no block; to count one too few only delays `BatchDone`.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Final
 
-from protocol.grbl.lines import words_of
+from protocol.grbl.lines import Line, Words
 
 _MOTIONS: Final = frozenset({0.0, 1.0, 2.0, 3.0})
 _HARMLESS: Final = frozenset({17.0, 18.0, 19.0, 20.0, 21.0, 40.0, 61.0, 90.0, 91.0, 91.1, 94.0})
 _LINEAR: Final = "XYZ"
+_AXES: Final = frozenset("XYZABCUVW")
 _STEPS: Final = 2.0
 """Steps that a target must differ by: the controller computes in single precision and rounds."""
 _MM_PER_INCH: Final = 25.4
@@ -46,22 +47,24 @@ class BlockCounter:
         self._motion, self._absolute, self._mm = False, None, None
         self._last.clear()
 
-    def certain(self, text: str) -> bool:
+    def certain(self, line: Line) -> bool:
         """Take an acknowledged line; whether it has certainly put a block into the planner."""
-        words = words_of(text.upper().replace(" ", ""))
+        words = line.words
         if words is None:
             self.forget()
             return False
+        if line.move:
+            self._motion = self._motion or words[0][0] == "G"
+            return self._moved(words)
         gcodes = [value for letter, value in words if letter == "G"]
         if any(letter == "M" and value in (2.0, 30.0, 99.0) for letter, value in words):
             self.forget()
             return False
         self._follow(gcodes)
-        axes = {letter: value for letter, value in words if letter in "XYZABCUVW"}
         if any(code not in _MOTIONS and code not in _HARMLESS for code in gcodes):
             self._last.clear()
             return False
-        return self._moved(axes)
+        return self._moved(words)
 
     def _follow(self, gcodes: Iterable[float]) -> None:
         for code in gcodes:
@@ -74,19 +77,22 @@ class BlockCounter:
             elif code not in _HARMLESS and code != 4.0:
                 self._motion = self._motion and code != 80.0 and not 38.0 <= code < 39.0 and code < 70.0
 
-    def _moved(self, axes: Mapping[str, float]) -> bool:
+    def _moved(self, words: Words) -> bool:
+        last = self._last
         if self._absolute is None or self._mm is None or not self._motion:
-            self._last.clear()
+            last.clear()
             return False
         moved = False
-        for letter, value in axes.items():
+        for letter, value in words:
+            if letter not in _AXES:
+                continue
             place_mm = value if self._mm else value * _MM_PER_INCH
             steps_per_mm = self._steps_per_mm.get(letter, 0.0)
-            if not self._absolute:
-                self._last.pop(letter, None)
+            if self._absolute:
+                before_mm = last.get(letter, place_mm)
+                moved = moved or abs(place_mm - before_mm) * steps_per_mm >= _STEPS
+                last[letter] = place_mm
+            else:
+                last.pop(letter, None)
                 moved = moved or abs(place_mm) * steps_per_mm >= _STEPS
-                continue
-            if letter in self._last:
-                moved = moved or abs(place_mm - self._last[letter]) * steps_per_mm >= _STEPS
-            self._last[letter] = place_mm
         return moved

@@ -11,8 +11,11 @@ from typing import Final
 from protocol.errors import LocalError, MessageTooLongError
 from protocol.grbl.realtime import acts_anywhere
 
-WORD: Final = re.compile(r"([A-Z])([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))")
-_PROGRAM: Final = re.compile(rf"/?(?:{WORD.pattern})+")
+_NUMBER: Final = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+WORD: Final = re.compile(rf"([A-Z])({_NUMBER})")
+_PROGRAM: Final = re.compile(rf"/?(?:[A-Z]{_NUMBER})+")
+_MOVE: Final = re.compile(rf"(?:G0?[0-3](?=[A-Z]))?(?:[XYZIJKR]{_NUMBER})+(?:F{_NUMBER})?")
+"""What nearly all lines of a program are: a motion and where it goes. Of these nothing else has to be found out."""
 
 # grbl II.4: interrupts are off while the EEPROM is written, and incoming bytes may be lost.
 _EEPROM_GCODES: Final = frozenset({10.0, 28.1, 30.1})
@@ -28,13 +31,20 @@ _INERT_GCODES: Final = frozenset(
 _INERT_MCODES: Final = frozenset({3.0, 4.0, 5.0, 7.0, 8.0, 9.0})
 
 
-@dataclass(frozen=True, slots=True)
+Words = list[tuple[str, float]]
+"""Letters and numbers, in order."""
+
+
+@dataclass(slots=True)
 class Line:
-    """`alone`: nothing else may be in the controller while it is there. `syncs`: its ok proves that everything up to
-    it is executed. `inert`: it makes no motion. `dwell_s`: so long it may stay without an answer in Idle."""
+    """Never changed. `alone`: nothing else may be in the controller while it is there. `syncs`: its ok proves that
+    everything up to it is executed. `inert`: it makes no motion. `dwell_s`: so long it may stay without an answer in
+    Idle. `words`: None where it is no plain G-code. `move`: it has the words of a motion G0-G3 and F, no others."""
 
     text: str
     data: bytes
+    words: Words | None = None
+    move: bool = False
     alone: bool = False
     syncs: bool = False
     inert: bool = False
@@ -42,15 +52,19 @@ class Line:
     tool: int | None = None
 
 
-def words_of(text: str) -> list[tuple[str, float]] | None:
+def words_of(text: str) -> Words | None:
     """Letters and numbers, or None where the line holds anything else ($, expressions, O-words' brackets)."""
-    if not _PROGRAM.fullmatch(text):
-        return None
+    return _words(text) if _PROGRAM.fullmatch(text) else None
+
+
+def _words(text: str) -> Words:
     return [(letter, float(value)) for letter, value in WORD.findall(text)]
 
 
 def read_line(text: str, line_chars: int) -> Line:
     """Classify a line. Raises LocalError for one that must never be sent, MessageTooLongError for one too long."""
+    if len(text) <= line_chars and _MOVE.fullmatch(text):
+        return Line(text, text.encode("ascii") + b"\n", _words(text), move=True)
     wrong = next((c for c in text if ord(c) > 0xFF or acts_anywhere(ord(c))), None)
     if wrong is not None:
         raise LocalError(f"a line may not hold {wrong!r}: the controller would act on it or break the line")
@@ -71,6 +85,7 @@ def read_line(text: str, line_chars: int) -> Line:
     return Line(
         text,
         data,
+        words,
         alone=bool(gcodes & _EEPROM_GCODES),
         syncs=bool(gcodes & _SYNC_GCODES or mcodes & _SYNC_MCODES),
         inert=letters <= set("GMFSTN") and gcodes <= _INERT_GCODES and mcodes <= _INERT_MCODES,

@@ -262,7 +262,7 @@ class Traffic(ABC):
 
     def _block_answered(self, entry: Entry, code: int | None, text: str, now: float, *, refused: bool) -> None:
         errand, line = entry.errand, entry.line
-        certain = not refused and self._blocks.certain(line.text)
+        certain = not refused and self._blocks.certain(line)
         touched = self._executed.acknowledged(errand, inert=refused or line.inert, certain=certain)
         if (line.syncs and not refused) or self._status == "check":
             touched += self._executed.at_rest(self._executed.count)

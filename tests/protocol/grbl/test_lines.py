@@ -73,6 +73,31 @@ def test_words() -> None:
     assert words_of("G1X") is None
 
 
+@pytest.mark.parametrize(
+    ("text", "move"),
+    [
+        ("X1", True),
+        ("G1X-1.5Y.2F500", True),
+        ("G02X1I5J-1", True),
+        ("G1 X1", False),  # read in full
+        ("G1", False),
+        ("F500", False),
+        ("G4X1", False),
+        ("G10X1", False),
+        ("G1M3X1", False),
+        ("X1S500", False),
+    ],
+)
+def test_plain_moves_are_told_at_first_sight(text: str, move: bool) -> None:
+    line = read_line(text, 79)
+    assert line.move is move
+    assert line.words == words_of(text.replace(" ", ""))
+    if move:  # read in full it is the same
+        full = read_line(text[:-1] + " " + text[-1:], 79)
+        found = (full.words, full.alone, full.syncs, full.inert, full.dwell_s, full.tool)
+        assert found == (line.words, line.alone, line.syncs, line.inert, line.dwell_s, line.tool)
+
+
 def counter(*modal: str) -> BlockCounter:
     blocks = BlockCounter()
     for axis in range(3):
@@ -84,7 +109,7 @@ def counter(*modal: str) -> BlockCounter:
 
 class TestBlocks:
     def run(self, blocks: BlockCounter, *lines: str) -> list[bool]:
-        return [blocks.certain(line) for line in lines]
+        return [blocks.certain(read_line(line, 79)) for line in lines]
 
     def test_a_first_word_may_be_where_the_axis_stands(self) -> None:
         assert self.run(counter("G0", "G90", "G21"), "X1", "X2", "X2", "X2.01", "X2.1", "Y1", "Y1X3") == [
