@@ -26,6 +26,7 @@ from server.hub import Hub
 from server.problems import ProblemError
 from server.programservice import ProgramService
 from server.recovery import Recovery
+from server.reentryconfig import AS_CONFIGURED, ReentryWish
 from server.starting import Background, Starter
 from server.views import job_view
 
@@ -127,15 +128,17 @@ class JobService:
             return live
         return job_view(row, self.clock)
 
-    async def recover(self, job_id: int, action: str | None = None, line: int | None = None) -> dict[str, Any]:
+    async def recover(
+        self, job_id: int, action: str | None = None, line: int | None = None, wish: ReentryWish = AS_CONFIGURED
+    ) -> dict[str, Any]:
         """After `interrupted`: without an action the plan, else the job as it goes on. Raises ProblemError."""
         row = await self.row(job_id)
         if row["status"] != Status.INTERRUPTED:
             raise ProblemError("wrong_state", f"Job {job_id} is {row['status']}; only an interrupted job is recovered.")
         controller = self.machine(row["machine"])
         if action is None:
-            return await self._recovery.plan(controller, row)
-        await self._recovery.go_on(controller, row, action, line)
+            return await self._recovery.plan(controller, row, line, wish)
+        await self._recovery.go_on(controller, row, action, line, wish)
         return await self.get(job_id)
 
     # --- making -----------------------------------------------------------------------------------------------

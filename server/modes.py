@@ -6,12 +6,16 @@ fault: whoever plans with it leaves nothing out then.
 
 import asyncio
 import logging
+from dataclasses import replace
 from typing import TypeVar
 
 from gcode.held import Held, Offsets
+from jobs import history
+from jobs.store import Row
 from protocol.commands import ReadModal, ReadOffsets
 from protocol.events import CommandFailed, Event, ModalRead, OffsetsRead
 from server.controller import Controller
+from server.dbthread import Db
 from server.manual import Make
 from server.problems import ProblemError
 
@@ -40,6 +44,15 @@ async def held_by(controller: Controller) -> Held | None:
         modal = () if read is None else read.words
         offsets = None if told is None else told.offsets
     return Held(modal, offsets, dict(controller.program_position))
+
+
+async def began_in(db: Db, row: Row) -> Held | None:
+    """What the controller held when a job began, and where it stood if that was at the first line; None: not known."""
+    data = await db.run(history.newest, row["id"], STARTED_IN)
+    if data is None:
+        return None
+    held = Held.from_json(data)
+    return held if row["start_line"] == 1 else replace(held, position={})
 
 
 async def _ask(controller: Controller, make: Make, kind: type[E]) -> E | None:

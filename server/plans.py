@@ -20,7 +20,7 @@ from gcode.state import State
 from jobs.batch import BatchLimits, BatchPlanner
 from jobs.expansion import check_stored, motion_of
 from jobs.program import ProgramStore
-from jobs.reentry import Course, check_blocks, plan_at, with_plan
+from jobs.reentry import Course, check_blocks, has_kept_its_modes, plan_at, with_plan
 from jobs.restart import CannotStartError, Switches, first_block, prologue, with_prologue
 from jobs.store import Row
 from protocol.commands import Position
@@ -161,10 +161,19 @@ class Planning:
         planner = self._planner(piece, lines, position=held.position, absolute=None, held=held)
         return Plan(_opened(planner), line, blocks, reentry)
 
-    def go_on(self, piece: Workpiece, row: Row, *, line: int) -> BatchPlanner:
-        """What comes from `line` on, for a machine that executed everything before it and kept its modal state."""
+    def keeps(self, piece: Workpiece, row: Row, *, line: int, began: Held | None, held: Held) -> bool:
+        """Whether the controller holds what the lines before `line` have set, so that it was not reset since."""
+        course = Course(self._lines(row, 1, line - 1), (), line, piece.profile, piece.encoding)
+        return has_kept_its_modes(course, began=began, now=held, laser=piece.motion.laser)
+
+    def go_on(self, piece: Workpiece, row: Row, *, line: int, began: Held | None = None) -> BatchPlanner:
+        """What comes from `line` on, for a machine that executed everything before it and kept its modal state.
+
+        `began`: what it held before the first line, where it could be asked.
+        """
         # Whether it began in G90 or G91 is in no journal; without the program saying so, nothing may be left out.
-        return _opened(self._planner(piece, self._lines(row, 1, row["end_line"]), absolute=None, skip_to=line))
+        lines = self._lines(row, 1, row["end_line"])
+        return _opened(self._planner(piece, lines, absolute=None, skip_to=line, held=began))
 
     def _lines(self, row: Row, first: int, last: int) -> Iterator[tuple[int, bytes]]:
         """Opens the file when the first line is wanted, so that a plan that is given up holds nothing open."""

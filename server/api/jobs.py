@@ -17,9 +17,8 @@ from server.api.models import (
     JobRequest,
     JobView,
     MoveRequest,
-    RecoverRequest,
-    RecoverView,
 )
+from server.api.recovermodels import RecoverRequest, RecoverView
 from server.api.routing import Routes, json_response
 from server.api.services import Jobs, Json, Services
 from server.auth import Role
@@ -161,11 +160,12 @@ def _actions(app: FastAPI, services: Services) -> None:
         errors=(*refusals, "not_connected", "alarm_active", "machine_busy"),
     )
     async def recover_job(id: JobId, body: RecoverRequest | None = None) -> Response:
-        """Without a body nothing happens: the answer is the plan, with the certain lines, the lines in doubt and the
-        blocks that would go out. With an action the machine starts to move."""
+        """Without an action nothing happens: the answer is the plan, with the certain lines, the lines in doubt and the
+        blocks that would go out, from the line of the body or from the first that is not certain. With an action the
+        machine starts to move."""
         if body is None:
             return json_response(await services.jobs.recover(id))
-        return json_response(await services.jobs.recover(id, body.action, body.line))
+        return json_response(await services.jobs.recover(id, body.action, body.line, body.wish()))
 
 
 def _action(

@@ -285,26 +285,6 @@ class MoveRequest(BaseModel):
     position: Annotated[int, Field(ge=1)]
 
 
-class RecoverRequest(BaseModel):
-    """`continue` after the certain lines, or `from_line` with the `line` to begin at."""
-
-    model_config = request_example(action="continue")
-    action: Literal["continue", "from_line"]
-    line: Annotated[int, Field(ge=1)] | None = None
-
-    @model_validator(mode="after")
-    def _line_where_needed(self) -> "RecoverRequest":
-        if (self.action == "from_line") != (self.line is not None):
-            raise ValueError("`line` is needed with from_line, and with nothing else")
-        return self
-
-
-class RecoverView(BaseModel):
-    """Without a body: the plan. With an action: the job as it goes on."""
-
-    model_config = example(certain_line=600, line_from=601, line_to=612, blocks=["G1 X20"])
-
-
 class BatchView(BaseModel):
     """An entry of the journal: which lines went out under which wire id, and what is known of them."""
 

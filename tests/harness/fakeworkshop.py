@@ -23,6 +23,7 @@ from server.api.routing import example_of
 from server.hub import Hub
 from server.metrics import MachineMetrics
 from server.problems import ProblemError
+from server.reentryconfig import AS_CONFIGURED, ReentryWish
 from server.tokens import TokenStore
 
 BASE_URL = "http://127.0.0.1:8420"
@@ -162,8 +163,10 @@ class FakeJobs(Recording):
         self.note("move", job_id, position)
         return self.job(job_id)
 
-    async def recover(self, job_id: int, action: str | None = None, line: int | None = None) -> Json:
-        self.note("recover", job_id, action, line)
+    async def recover(
+        self, job_id: int, action: str | None = None, line: int | None = None, wish: ReentryWish = AS_CONFIGURED
+    ) -> Json:
+        self.note("recover", job_id, action, line, *([] if wish == AS_CONFIGURED else [wish]))
         return self.job(job_id)
 
     async def batches(self, job_id: int, after: int = 0) -> "list[Json]":

@@ -3,11 +3,15 @@ from typing import Any
 import pytest
 
 from server.api.models import PROGRAM_ID, JobView
+from server.reentryconfig import ReentryWish
 from tests.harness.fakeworkshop import FakeWorkshop
 from tests.harness.simloop import run_simulated as run
 
 JOBS = "/api/v1/jobs"
-PLAIN = {"start_line": None, "end_line": None, "hold": False, "note": None, "force": False, "idempotency_key": None}
+PLAIN = {
+    **{"start_line": None, "end_line": None, "hold": False, "note": None, "force": False, "idempotency_key": None},
+    **{"mode": "run", "on_error": None, "ignored_errors": None},
+}
 
 
 def ask(method: str, path: str, body: Any = None, **headers: str) -> tuple[int, Any, list[Any]]:
@@ -27,6 +31,7 @@ def test_a_job_is_made() -> None:
 
 def test_everything_that_can_be_said_of_a_job() -> None:
     options = {"start_line": 5, "end_line": 9, "hold": True, "note": "second side", "force": True}
+    options |= {"mode": "check", "on_error": "ignore", "ignored_errors": [20, 33]}
     body = {"program": PROGRAM_ID, "machine": "router", **options}
     _, _, calls = ask("POST", JOBS, body, **{"Idempotency-Key": "k1"})
     assert calls == [("create", PROGRAM_ID, "router", {**options, "idempotency_key": "k1"})]
@@ -86,8 +91,41 @@ def test_recovery_answers_the_plan_without_a_body_and_acts_with_one() -> None:
     assert ask("POST", f"{JOBS}/17/recover", {"action": "from_line", "line": 9})[2] == [("recover", 17, "from_line", 9)]
 
 
+def test_a_plan_for_another_line_or_way_moves_nothing() -> None:
+    assert ask("POST", f"{JOBS}/17/recover", {"line": 5})[2] == [("recover", 17, None, 5)]
+    assert ask("POST", f"{JOBS}/17/recover", {"clearance": 9, "clearance_is_machine": True, "plunge_feed": 50.5})[
+        2
+    ] == [("recover", 17, None, None, ReentryWish(9.0, clearance_is_machine=True, plunge_feed=50.5))]
+
+
+def test_a_plan_is_run_with_what_the_operator_says() -> None:
+    body = {"action": "from_line", "blocks": ["G90"], "spindle_wait": 0, "operator_done": True, "force": True}
+    wish = ReentryWish(blocks=("G90",), spindle_wait=0.0, operator_done=True, force=True)
+    assert ask("POST", f"{JOBS}/17/recover", body)[2] == [("recover", 17, "from_line", None, wish)]
+
+
 @pytest.mark.parametrize(
-    "body", [{}, {"action": "from_line"}, {"action": "continue", "line": 5}, {"action": "guess"}, {"line": 5}, []]
+    "body",
+    [
+        {},
+        {"action": "continue", "line": 5},
+        {"action": "continue", "force": True},
+        {"action": "guess"},
+        {"action": None},
+        {"line": 0},
+        {"line": 5, "force": True},
+        {"blocks": ["G0 X1"]},
+        {"line": 5, "blocks": ["G0 X1"]},
+        {"operator_done": True},
+        {"line": 5, "clearance_is_machine": True},
+        {"line": 5, "clearance": 1e6},
+        {"action": "from_line", "plunge_feed": 0},
+        {"action": "from_line", "blocks": []},
+        {"action": "from_line", "blocks": ["G0"] * 201},
+        {"action": "from_line", "blocks": ["G0" + "0" * 300]},
+        {"action": "from_line", "lift": 3},
+        [],
+    ],
 )
 def test_recovery_never_guesses(body: Any) -> None:
     """Above all `{}` is not "no body": what moves a machine is asked for in full."""
