@@ -9,8 +9,15 @@ from tests.harness.simloop import run_simulated as run
 
 JOBS = "/api/v1/jobs"
 PLAIN = {
-    **{"start_line": None, "end_line": None, "hold": False, "note": None, "force": False, "idempotency_key": None},
-    **{"mode": "run", "on_error": None, "ignored_errors": None},
+    "start_line": None,
+    "end_line": None,
+    "hold": False,
+    "note": None,
+    "force": False,
+    "idempotency_key": None,
+    "mode": "run",
+    "on_error": None,
+    "ignored_errors": None,
 }
 
 
