@@ -56,6 +56,10 @@ _OFFSET_NAMES: Final = frozenset(
 )
 
 
+_OK_LINE: Final = b"ok\r\n"
+OK: Final = Heard("ok", Ok())
+
+
 class Decoder:
     """Bytes from the controller in, one `Heard` for every line that is not empty. One per connection."""
 
@@ -65,6 +69,9 @@ class Decoder:
 
     def receive_data(self, data: bytes) -> Iterator[Heard]:
         """The lines that are complete with `data`. Taking them is what reads: exhaust the iterator."""
+        if data == _OK_LINE and not self._buffer and not self._skipping:
+            yield OK  # most of what is ever said comes so, alone
+            return
         for piece in data.splitlines(keepends=True):
             self._buffer += piece
             ended = piece.endswith((b"\n", b"\r"))
@@ -78,7 +85,7 @@ class Decoder:
                 raw = bytes(self._buffer).strip()
                 self._buffer.clear()
                 if raw:
-                    yield Heard(printable(raw), parse_line(raw))
+                    yield OK if raw == b"ok" else Heard(printable(raw), parse_line(raw))
 
 
 def printable(raw: bytes) -> str:

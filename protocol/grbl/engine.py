@@ -6,7 +6,7 @@ The one rule: done is not acknowledged (`errands.py`), and nothing real-time wai
 """
 
 from collections.abc import Callable
-from typing import Any, assert_never
+from typing import Any, Final, assert_never
 
 from protocol.commands import (
     AskToolChange,
@@ -47,7 +47,7 @@ from protocol.events import (
 )
 from protocol.grbl import asking, realtime
 from protocol.grbl.asking import named
-from protocol.grbl.codec import Decoder
+from protocol.grbl.codec import OK, Decoder
 from protocol.grbl.dialect import Dialect
 from protocol.grbl.errands import Errand
 from protocol.grbl.messages import (
@@ -72,6 +72,8 @@ from protocol.grbl.traffic import MAX_BATCHES, MAX_BY_HAND
 from protocol.grbl.watching import Watching
 from protocol.grbl.window import Window
 
+_OK_SEEN: Final = MessageSeen("<", "ok")
+
 
 class GrblEngine(Watching):
     """See protocol.engine.Engine. `now`: the shell's clock at the connection."""
@@ -79,6 +81,7 @@ class GrblEngine(Watching):
     def __init__(self, dialect: Dialect, *, first_id: int, now: float, open_work: OpenWork | None = None) -> None:
         super().__init__(dialect, first_id, now, open_work)
         self._decoder = Decoder()
+        self._quiet = False  # all that may go out has been taken
         self._silences: dict[Phase, Callable[[float], None]] = {
             Phase.OPENING: self._ask,
             Phase.ASKING: self._on_nobody,
@@ -107,16 +110,17 @@ class GrblEngine(Watching):
 
     def receive_data(self, data: bytes, now: float) -> None:
         """Any bytes, in any pieces; never raises."""
+        self._quiet = False
         for heard in self._decoder.receive_data(data):
             if self._phase is Phase.CLOSED:
                 return
-            self._frames.append(Frame(now, "<", heard.text.encode("ascii", "replace")))
+            self._frames.append((now, "<", heard.text.encode("ascii", "replace")))
             message = heard.message
             if isinstance(message, ProtocolFault):
                 self._emit(message)
                 continue
             self._poll.heard(now)
-            self._emit(MessageSeen("<", heard.text))
+            self._events.append(_OK_SEEN if heard is OK else MessageSeen("<", heard.text))
             self._handle(message, now)
 
     def _handle(self, message: Message, now: float) -> None:
@@ -128,8 +132,12 @@ class GrblEngine(Watching):
             handler(message, now)
 
     def data_to_send(self, now: float) -> bytes:
-        """What is to go out now: the real-time lane, then lines as the window has room."""
-        return b"" if self._phase is Phase.CLOSED else self._write(now)
+        """What is to go out now: the real-time lane, then lines as the window has room. Everything is taken at once:
+        there is no more before something comes in, is submitted, or is due."""
+        if self._quiet or self._phase is Phase.CLOSED:
+            return b""
+        self._quiet = True
+        return self._write(now)
 
     def next_event(self) -> Event | None:
         """What happened, oldest first."""
@@ -137,6 +145,8 @@ class GrblEngine(Watching):
 
     def next_timer(self) -> float | None:
         """The earliest deadline."""
+        if self._phase is Phase.READY and not self._due:
+            return self._poll.next_at
         due = list(self._due.values())
         if STEPS[self._phase].polls:
             due.append(self._poll.next_at)
@@ -144,6 +154,7 @@ class GrblEngine(Watching):
 
     def handle_timer(self, now: float) -> None:
         """A deadline has come; calling early does nothing."""
+        self._quiet = False
         if STEPS[self._phase].polls and now >= self._poll.next_at:
             self._watch_silence(now)
             self._lane.put(realtime.STATUS)
@@ -166,11 +177,12 @@ class GrblEngine(Watching):
 
     def recent_frames(self) -> tuple[Frame, ...]:
         """What the recorder holds, oldest first."""
-        return tuple(self._frames)
+        return tuple(Frame(*frame) for frame in self._frames)
 
     def submit(self, command: Command, now: float) -> None:
         """Take a command. Raises LocalError when not free, in alarm, for a wrong ID or an impossible line of a batch,
         and MessageTooLongError. What people typed wrong is a CommandFailed."""
+        self._quiet = False
         if not self.free():
             raise LocalError(f"the engine takes no command now: it {self._phase.value}")
         match command:
@@ -240,6 +252,7 @@ class GrblEngine(Watching):
 
     def realtime(self, command: RealtimeCommand, now: float) -> None:
         """Take a command of the real-time lane: its byte goes out with the next write, before every line."""
+        self._quiet = False
         token = command.token
         if self._phase is Phase.CLOSED:
             self._emit(CommandFailed(token, None, "the link is down: use the machine's own emergency button"))

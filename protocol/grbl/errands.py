@@ -6,6 +6,7 @@ The one rule: a line counts as executed only by a proof of this file, and in ord
 
 from collections import deque
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from protocol.commands import SendBatch
 from protocol.grbl.asking import Request
@@ -35,8 +36,7 @@ class Errand:
         return not self.failed and self.sent < len(self.lines)
 
 
-@dataclass(frozen=True, slots=True)
-class _Acknowledged:
+class _Acknowledged(NamedTuple):
     errand: Errand
     number: int
     inert: bool
@@ -61,7 +61,7 @@ class Executed:
         self.count += 1
         self.blocks += certain
         self._open.append(_Acknowledged(errand, self.count, inert, self.blocks))
-        return self._take(0)
+        return self._take(0) if self._open[0].inert else []
 
     def at_rest(self, number: int) -> list[Errand]:
         """The machine stood with an empty planner after line `number` was acknowledged."""
@@ -71,11 +71,12 @@ class Executed:
         """No more than so many blocks are in the planner: what lies further back than these, and than the segments that
         are prepared already, is executed."""
         number = 0
+        left = self.blocks - blocks - SEGMENTS_AHEAD  # of certain blocks, so many have been executed
         for line in self._open:
-            if self.blocks - line.blocks < blocks + SEGMENTS_AHEAD:
+            if line.blocks > left:
                 break
             number = line.number
-        return self._take(number)
+        return self._take(number) if number else []
 
     def clear(self) -> None:
         """What is open now will never be known."""

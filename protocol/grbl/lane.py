@@ -19,6 +19,11 @@ class Lane:
     _bytes: bytearray = field(default_factory=bytearray)
     _tokens: list[int] = field(default_factory=list)
 
+    @property
+    def empty(self) -> bool:
+        """Nothing waits to go out, and nobody to be told."""
+        return not self._bytes and not self._tokens
+
     def put(self, byte: bytes, token: int | None = None) -> None:
         """Queue a byte. `?` waits once at most; a soft reset drops what stands before it."""
         if byte == SOFT_RESET:

@@ -10,7 +10,6 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 
 from protocol.commands import CheckMode
-from protocol.engine import Frame
 from protocol.events import (
     Alarm,
     BatchDone,
@@ -60,6 +59,14 @@ SHUT_BY: Mapping[Status, str] = {
 """The gate that a state shuts."""
 
 
+def _first_waiting(errands: Iterable[Errand]) -> Errand | None:
+    """The first of which a line was not sent yet."""
+    for errand in errands:
+        if errand.sent < len(errand.lines) and not errand.failed:
+            return errand
+    return None
+
+
 class Traffic(ABC):
     """State of one epoch, and the stream."""
 
@@ -68,7 +75,7 @@ class Traffic(ABC):
         self._phase = Phase.CLOSED
         self._next_id = first_id
         self._events: deque[Event] = deque()
-        self._frames: deque[Frame] = deque(maxlen=RECORDED_FRAMES)
+        self._frames: deque[tuple[float, str, bytes]] = deque(maxlen=RECORDED_FRAMES)
         self._due: dict[str, float] = {}
         self._lane = Lane()
         self._poll = Poll()
@@ -141,6 +148,21 @@ class Traffic(ABC):
 
     def _write(self, now: float) -> bytes:
         """The real-time lane, then as many lines as may go. Nothing behind a soft reset: it would be lost."""
+        urgent = b"" if self._lane.empty else self._take_lane(now)
+        if SOFT_RESET in urgent or (entry := self._next_entry()) is None:
+            out = urgent
+        else:
+            pieces = [urgent]
+            while entry is not None:
+                self._launch(entry, now)
+                pieces.append(entry.line.data)
+                entry = self._next_entry()
+            out = b"".join(pieces)
+        if out:
+            self._frames.append((now, ">", out))
+        return out
+
+    def _take_lane(self, now: float) -> bytes:
         urgent, tokens = self._lane.take()
         for token in tokens:
             self._emit(CommandDone(token))
@@ -149,17 +171,10 @@ class Traffic(ABC):
         for byte in urgent:
             if byte != STATUS[0]:
                 self._emit(MessageSeen(">", chr(byte) if 0x20 < byte < 0x7F else f"0x{byte:02X}"))
-        out = bytearray(urgent)
-        if SOFT_RESET not in urgent:
-            while (entry := self._next_entry()) is not None:
-                self._launch(entry, now)
-                out += entry.line.data
-        if out:
-            self._frames.append(Frame(now, ">", bytes(out)))
-        return bytes(out)
+        return urgent
 
     def _launch(self, entry: Entry, now: float) -> None:
-        errand = entry.errand
+        errand, line = entry.errand, entry.line
         self._active.put(entry)
         self._progress_at = now
         if errand.batch is not None and errand.sent == 0:
@@ -167,23 +182,23 @@ class Traffic(ABC):
         errand.sent += 1
         if errand.request is not None and errand.request.jog:
             self._jogging = True
-        if entry.line.tool is not None:
-            self._tool = entry.line.tool
-        self._emit(MessageSeen(">", entry.line.text))
+        if line.tool is not None:
+            self._tool = line.tool
+        self._events.append(MessageSeen(">", line.text))
 
     def _next_entry(self) -> Entry | None:
         """The next line that may go out now."""
-        if self._phase not in (Phase.READY, Phase.READING) or self._pendant:
+        if (self._phase is not Phase.READY and self._phase is not Phase.READING) or self._pendant:
             return None  # gate "pendant"
-        errand = next((errand for errand in self._hand if errand.waiting), None)
+        errand = _first_waiting(self._hand) if self._hand else None
         if errand is not None:
             if not self._hand_may_go(errand):
                 return None  # gate "by hand"
         elif self._gate() is None:
-            errand = next((errand for errand in self._batches if errand.waiting), None)
-        if errand is None or not self._active.takes(errand.lines[errand.sent]):
+            errand = _first_waiting(self._batches)
+        if errand is None or not self._active.takes(line := errand.lines[errand.sent]):
             return None
-        return Entry(errand, errand.sent, errand.lines[errand.sent])
+        return Entry(errand, errand.sent, line)
 
     def _gate(self) -> str | None:
         """The gate (phases.GATES) that holds lines of programs back, or None."""
@@ -216,23 +231,23 @@ class Traffic(ABC):
 
     def _answered(self, code: int | None, text: str, now: float, *, refused: bool) -> None:
         """An ok or an error: the oldest line without an answer has it."""
-        if not STEPS[self._phase].counts:
+        if self._phase is not Phase.READY and not STEPS[self._phase].counts:
             return  # grbl II.3: a reset is under way, or lines of the epoch before are being answered
         window = self._active
-        if window.head is None:
+        entry = window.head
+        if entry is None:
             self._emit(ProtocolFault("unasked_answer", f"error:{code}" if refused else "ok without a line"))
             return
-        head = window.head.errand
-        if self._phase is Phase.READING and not refused and head.request is not None and not head.request.complete:
+        errand, asked = entry.errand, entry.errand.request
+        if self._phase is Phase.READING and not refused and asked is not None and not asked.complete:
             return  # the ok of a line from before this epoch; our question is not answered before its rows came
-        entry = window.answer()
-        assert entry is not None
+        window.answer()
         self._progress_at = now
-        entry.errand.answered += 1
-        if entry.errand.failed:
+        errand.answered += 1
+        if errand.failed:
             return
-        if entry.errand.request is not None:
-            self._request_answered(entry.errand, entry.errand.request, code, text, now, refused=refused)
+        if asked is not None:
+            self._request_answered(errand, asked, code, text, now, refused=refused)
         else:
             self._block_answered(entry, code, text, now, refused=refused)
 
@@ -272,7 +287,8 @@ class Traffic(ABC):
             self._emit(BatchReceived(errand.batch.id, begins=False))
         if refused:
             self._refuse(entry, code, text, now)
-        self._settle(touched)
+        if touched:
+            self._settle(touched)
 
     def _refuse(self, entry: Entry, code: int | None, text: str, now: float) -> None:
         """grbl II.4: the controller goes on executing what is already in its buffer."""

@@ -12,9 +12,9 @@ from protocol.grbl.errands import Errand
 from protocol.grbl.lines import Line
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Entry:
-    """A line on its way: number `index` of its errand."""
+    """A line on its way: number `index` of its errand. Never changed."""
 
     errand: Errand
     index: int
@@ -32,9 +32,11 @@ class Window:
 
     def takes(self, line: Line) -> bool:
         """Whether there is room for the line now."""
-        if self._entries and (self.one_by_one or line.alone or self._entries[-1].line.alone):
+        if not self._entries:
+            return True
+        if self._used_bytes + len(line.data) > self.capacity:
             return False
-        return not self._entries or self._used_bytes + len(line.data) <= self.capacity
+        return not (self.one_by_one or line.alone or self._entries[-1].line.alone)
 
     def put(self, entry: Entry) -> None:
         """The line goes out."""
