@@ -10,7 +10,7 @@ from typing import Unpack
 
 from gcode.check import CheckOptions, check_numbered
 from gcode.check.source import Fingerprint
-from gcode.findings import Findings, Report
+from gcode.findings import Finding, Findings, Report
 from gcode.lines import split_lines
 from gcode.motion import Motion
 from gcode.ncframe.rules import FrameRules, profile_for
@@ -31,13 +31,27 @@ def check_frames(
     **options: Unpack[CheckOptions],
 ) -> Report:
     """Check lines with their numbers. Raises only what `lines` raises."""
-    going = _Through(Translator(profile, rules, options.get("position") or ORIGIN), rules)
+    position = options.get("position") or ORIGIN
+    going = _Through(Translator(profile, rules, position), rules)
+    # The check counts X in radii, as the frames do.
+    options["position"] = {
+        axis: value / 2 if axis == "x" and rules.diameter_programming else value for axis, value in position.items()
+    }
     report = check_numbered(going.through(lines), profile_for(profile, rules), motion, **options)
     going.close()
-    said = {(finding.line, finding.code) for finding in report.errors}
-    added = [finding for finding in going.found.of("error") if (finding.line, finding.code) not in said]
-    errors = sorted([*report.errors, *added], key=lambda finding: (finding.line, finding.column))
+    errors = sorted([*report.errors, *_unsaid(report.errors, going.found)], key=lambda one: (one.line, one.column))
     return replace(report, errors=tuple(errors), lines=going.lines)
+
+
+def _unsaid(said: Iterable[Finding], found: Findings) -> list[Finding]:
+    """What the check has not said of the same word, or with the same code of the same line."""
+    codes = {(finding.line, finding.code) for finding in said}
+    words = {(finding.line, finding.column) for finding in said if finding.column}
+    return [
+        finding
+        for finding in found.of("error")
+        if (finding.line, finding.code) not in codes and (finding.line, finding.column) not in words
+    ]
 
 
 def check_frames_source(
