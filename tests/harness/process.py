@@ -45,14 +45,29 @@ def until(what: Callable[[], T], *, within_s: float = WITHIN_S, why: Callable[[]
 class Daemon:
     """A `millstream serve` in a process, its configuration and data in `folder`; it can die and be started again."""
 
-    def __init__(self, folder: Path, port: str, *, server: str = "", machine: str = "", elvinto: str = "") -> None:
+    def __init__(
+        self,
+        folder: Path,
+        port: str,
+        *,
+        server: str = "",
+        machine: str = "",
+        elvinto: str = "",
+        grbl: str | None = None,
+        reentry: str = "",
+    ) -> None:
         self.folder = folder
         self._process: subprocess.Popen[str] | None = None
         self._http: httpx.Client | None = None
         text = (
             f'[server]\nport = 0\ndata_dir = "{folder}/data"\n{server}\n'
-            f'[[machine]]\nname = "{MACHINE}"\nport = "{port}"\n{machine}\n[machine.elvinto]\n{elvinto}\n'
+            f'[[machine]]\nname = "{MACHINE}"\nport = "{port}"\n{machine}\n'
         )
+        if grbl is None:
+            text += f"[machine.elvinto]\n{elvinto}\n"
+        else:
+            text += f'protocol = "grbl"\n[machine.grbl]\n{grbl}\n'
+        text += f"[machine.reentry]\n{reentry}\n" if reentry else ""
         (folder / "millstream.toml").write_text(text, encoding="utf-8")
 
     @property
@@ -159,12 +174,12 @@ class Recording:
         self.path = path
 
     def blocks(self) -> list[str]:
-        """The blocks of programs, without the W-codes that the daemon asks of its own accord."""
+        """The blocks of programs, without what the daemon asks of its own accord."""
         if not self.path.exists():
             return []
         complete = self.path.read_text(encoding="utf-8").split("\n")[:-1]
         blocks = [line.partition("\t")[2].replace(" ", "") for line in complete]
-        return [block for block in blocks if not block.startswith("W")]
+        return [block for block in blocks if not block.startswith(("W", "$"))]
 
     def reached(self, count: int) -> None:
         """Wait until so many blocks have begun."""
@@ -172,14 +187,14 @@ class Recording:
 
 
 @contextmanager
-def sim_process(folder: Path, *options: str) -> Iterator[tuple[str, Recording]]:
-    """`millstream sim elvinto` on a pty in a process of its own: its port, and what it executed."""
+def sim_process(folder: Path, *options: str, kind: str = "elvinto") -> Iterator[tuple[str, Recording]]:
+    """`millstream sim KIND` on a pty in a process of its own: its port, and what it executed."""
     port, record = folder / "mill", folder / "executed.txt"
-    command = [*MILLSTREAM, "sim", "elvinto", "--pty", str(port), "--record", str(record), *options]
+    command = [*MILLSTREAM, "sim", kind, "--pty", str(port), "--record", str(record), *options]
     with subprocess.Popen(command, env=ENVIRON, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:
-            assert process.stdout.readline() == f"virtual ElVinto mill: {port}\n"
+            assert process.stdout.readline().endswith(f": {port}\n")
             yield str(port), Recording(record)
         finally:
             process.kill()
