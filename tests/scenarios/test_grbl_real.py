@@ -1,7 +1,7 @@
 """kill -9 of a real daemon in the middle of a job on a virtual Grbl on a pty, and the way back by the plan.
 
 The controller is a process of its own and writes down what it executes. Grbl has no memory of lines, so nothing goes on
-by itself; what must hold is that every line that is called done was executed, once, and every other is within the doubt.
+by itself; every line that is called done must have been executed, once, and every other must be within the doubt.
 """
 
 import random
