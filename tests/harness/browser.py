@@ -96,6 +96,6 @@ def screen(browser: Browser, url: str, size: tuple[int, int] = DESK, **options: 
     page.on("pageerror", lambda error: one.said.append(f"thrown: {error}"))
     try:
         yield one
-        assert one.complaints() == []
+        assert not one.complaints(), "\n".join(one.complaints())
     finally:
         context.close()

@@ -13,7 +13,7 @@ import { Icon } from "./icon.js";
 
 export function Header() {
   return html`<header class="top">
-    <a class="brand" href=${to("machine")}><img src="/web/icon.svg" alt="" width="28" height="28" /><span>millstream</span></a>
+    <a class="brand" href=${to("machine")} aria-label="millstream"><img src="/web/icon.svg" alt="" width="28" height="28" /><span>millstream</span></a>
     <${Machines} />
     <p class=${`connection ${live.value ? "live" : "broken"}`} role="status" data-name="connection">
       ${live.value ? t(operator.value ? "connection.live" : "connection.read_only") : t(`connection.${connection.value}`)}</p>

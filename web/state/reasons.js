@@ -21,9 +21,11 @@ const connected = ({ machine }) => (machine?.link === "connected" ? null : "reas
 const noAlarm = ({ machine }) => (machine?.state.status === "alarm" ? "reason.alarm" : null);
 /** @type {Need} */
 const noJob = ({ job }) => (job && MOVING.has(job.status) ? "reason.job" : null);
+/** Not `run`: that is what a jog or a block by hand looks like, and the next one may be asked for meanwhile. @type {Need} */
+const free = ({ machine }) =>
+  machine && ["home", "hold", "door"].includes(machine.state.status) ? `reason.${machine.state.status}` : null;
 /** @type {Need} */
-const standing = ({ machine }) =>
-  machine && ["run", "home", "hold", "door"].includes(machine.state.status) ? `reason.${machine.state.status}` : null;
+const standing = ({ machine }) => (machine?.state.status === "run" ? "reason.run" : null);
 /** @type {Need} */
 const inAlarm = ({ machine }) => (machine?.state.status === "alarm" ? null : "reason.no_alarm");
 /** @type {Need} */
@@ -47,13 +49,13 @@ const NEEDS = {
   pause: [runs, notCancelling],
   resume: [paused, connected, noAlarm],
   stop: [anyJob, notCancelling],
-  home: [connected, noAlarm, noJob, standing],
+  home: [connected, noAlarm, noJob, free, standing],
   unlock: [connected, inAlarm, noJob],
   reset: [connected, noJob],
-  jog: [connected, noAlarm, noJob, standing],
-  by_hand: [connected, noAlarm, noJob, standing],
+  jog: [connected, noAlarm, noJob, free],
+  by_hand: [connected, noAlarm, noJob, free],
   overrides: [connected],
-  sd: [connected, noAlarm, noJob, standing],
+  sd: [connected, noAlarm, noJob, free, standing],
   confirm: [connected, noAlarm],
   operate: [],
 };

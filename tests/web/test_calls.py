@@ -1,0 +1,110 @@
+"""What a person has to answer, and the emergency stop: in real browsers, one or two of them."""
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.harness.browser import DESK, PHONE, TABLET, Screen
+from tests.harness.process import Daemon, until
+
+pytestmark = pytest.mark.real
+
+TOOL = "G21 G90\nG28\nM3 S12000\nG1 X5 F3000\nT3 M6\nG1 X10 F3000\nM30\n"
+LONG = "G21 G90\nG28\nM3 S12000\n" + "".join(f"G1 X{i % 50} Y{i % 7} F2000\n" for i in range(1, 500)) + "M30\n"
+
+
+def topmost(page: Page, selector: str) -> bool:
+    """Whether a finger on the middle of it would touch it and nothing above."""
+    return bool(
+        page.evaluate(
+            """(selector) => {
+                const wanted = document.querySelector(selector), box = wanted.getBoundingClientRect();
+                return document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2) === wanted;
+            }""",
+            selector,
+        )
+    )
+
+
+def test_a_tool_change_is_asked_on_every_screen_and_one_answer_closes_it(
+    mill: Daemon, screens: Callable[..., Screen]
+) -> None:
+    here, there = screens(mill.url), screens(mill.url, PHONE)
+    here.go()
+    there.go("mill/console")
+    job = mill.job(TOOL)
+    for one in (here, there):
+        expect(one.named("call")).to_contain_text("Put in tool 3")
+        one.status("tool")
+    assert mill.get(f"/jobs/{job}")["status"] == "waiting"
+    there.page.keyboard.press("Escape")
+    expect(there.named("call-strip")).to_contain_text("Put in tool 3")
+    assert mill.get(f"/jobs/{job}")["status"] == "waiting", "putting it aside answers nothing"
+    here.press("call-confirm")
+    for one in (here, there):
+        expect(one.named("call")).to_have_count(0)
+        expect(one.named("call-strip")).to_have_count(0)
+    mill.status(job, "completed")
+
+
+@pytest.mark.parametrize("size", [DESK, TABLET, PHONE], ids=["desk", "tablet", "phone"])
+def test_the_estop_is_one_touch_above_every_dialog(
+    mill: Daemon, screens: Callable[..., Screen], size: tuple[int, int]
+) -> None:
+    one = screens(mill.url, size, has_touch=True)
+    one.go("mill/programs")
+    assert topmost(one.page, "#estop")
+    job = mill.job(TOOL)
+    expect(one.named("call")).to_be_visible()
+    assert topmost(one.page, "#estop"), "the dialog must not lie over it"
+    one.page.touchscreen.tap(*centre(one.page))
+    one.status("alarm")
+    assert mill.status(job, "failed", "interrupted", "cancelled")["error"]["code"] in ("estop", "alarm")
+
+
+def centre(page: Page) -> tuple[float, float]:
+    box = page.locator("#estop").bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def test_an_alarm_is_read_and_unlocked(person: Screen, mill: Daemon) -> None:
+    job = mill.job(LONG)
+    person.status("run")
+    person.page.mouse.move(*centre(person.page))
+    person.page.mouse.down()  # the way down is the stop
+    person.status("alarm")
+    person.page.mouse.up()
+    expect(person.page.locator("#estop-result")).to_have_class("sent")
+    call = person.named("call")
+    expect(call).to_contain_text(mill.get("/machines/mill/state")["alarm"]["message"])
+    expect(person.named("start")).to_contain_text("in alarm")
+    person.press("call-unlock")
+    person.status("idle")
+    expect(call).to_have_count(0)
+    mill.status(job, "failed", "interrupted")
+
+
+def test_the_estop_goes_out_over_http_when_the_websocket_does_not_answer(person: Screen, mill: Daemon) -> None:
+    """A page of which nothing works but this button."""
+    page = person.context.new_page()
+    page.route("**/web/app.js", lambda route: route.fulfill(body="", content_type="text/javascript"))
+    page.goto(mill.url)
+    page.locator("#estop").click()
+    until(lambda: mill.get("/machines/mill/state")["status"] == "alarm")
+    expect(page.locator("#estop-result")).to_have_class("sent")
+
+
+def test_an_interrupted_job_shows_its_plan_and_goes_on(person: Screen, mill: Daemon) -> None:
+    job = mill.job(LONG)
+    person.status("run")
+    until(lambda: mill.get(f"/jobs/{job}")["progress"]["line"] > 5)
+    machine = f"{mill.url}/api/v1/machines/mill"
+    assert mill.http.post(f"{machine}/disconnect").status_code == 409, "a job holds the link"
+    person.press("pause")
+    person.status("hold")
+    person.go(f"mill/jobs/{job}")
+    expect(person.named("job")).to_have_attribute("data-status", "paused")
+    person.press("cancel")
+    expect(person.named("job")).to_have_attribute("data-status", "cancelled")
