@@ -24,6 +24,7 @@ SHOWN_FINDINGS = 20
 HINTS = {
     "unauthorized": "Set MILLSTREAM_TOKEN; the daemon's owner makes one with `millstream token create`.",
     "preflight_warnings": "Here: `millstream submit --force`.",
+    "needs_force": "Here: --force.",
 }
 """What a refusal means for somebody at the command line."""
 
@@ -75,6 +76,18 @@ class Daemon:
         """POST a JSON body, or none."""
         return self._request("POST", path, json=body)
 
+    def patch(self, path: str, body: Mapping[str, Any]) -> Any:
+        """PATCH a JSON body."""
+        return self._request("PATCH", path, json=body)
+
+    def put(self, path: str, body: Mapping[str, Any]) -> Any:
+        """PUT a JSON body."""
+        return self._request("PUT", path, json=body)
+
+    def delete(self, path: str) -> Any:
+        """DELETE."""
+        return self._request("DELETE", path)
+
     def upload(self, path: Path, name: str) -> Any:
         """Hand in a program; the file is read in pieces."""
         headers = {"Content-Length": str(path.stat().st_size), "Content-Type": "application/octet-stream"}
@@ -108,6 +121,18 @@ def unreachable(url: str, why: str) -> CliError:
         f"{safe(url)}: {why}. Start one with `millstream serve`, or say where it runs: --url or MILLSTREAM_URL.",
         {"code": "unreachable", "detail": why, "url": url},
     )
+
+
+def told_setting(one: Mapping[str, Any]) -> str:
+    """What became of a setting that was to be written."""
+    words = f"${one['number']} {one['name'] or ''}".strip()
+    match one["status"]:
+        case "written":
+            return safe(f"{words}: {one['before']} -> {one['value']}")
+        case "unchanged":
+            return safe(f"{words}: {one['value']} as before")
+        case _:
+            return safe(f"{words}: {one['before']}, {one['status'].replace('_', ' ')}")
 
 
 def _only(names: list[str]) -> str:
@@ -149,6 +174,7 @@ def _explained(problem: Mapping[str, Any]) -> str:
         lines += [f"  line {one['line']}: {safe(one['message'])}" for one in findings[:SHOWN_FINDINGS]]
         if len(findings) > SHOWN_FINDINGS:
             lines.append(f"  and {len(findings) - SHOWN_FINDINGS} more")
+    lines += [f"  {told_setting(one)}" for one in problem.get("results", ()) if "number" in one]
     if problem["code"] in HINTS:
         lines.append(HINTS[problem["code"]])
     return "\n".join(lines)
