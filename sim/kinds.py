@@ -10,12 +10,14 @@ from sim.elvinto.machine import VirtualElvinto
 from sim.elvinto.settings import SimSettings as ElvintoSettings
 from sim.grbl.machine import VirtualGrbl
 from sim.grbl.simsettings import SimSettings as GrblSettings
+from sim.ncframe.machine import VirtualLathe
+from sim.ncframe.settings import SimSettings as LatheSettings
 
-Settings: TypeAlias = ElvintoSettings | GrblSettings
+Settings: TypeAlias = ElvintoSettings | GrblSettings | LatheSettings
 
 
 class Recorded(Protocol):
-    """A block or line that was executed: of which command, and its text."""
+    """A block, line or frame that was executed: of which command, and its text."""
 
     @property
     def id(self) -> int: ...
@@ -26,7 +28,7 @@ class Recorded(Protocol):
 
 def build(
     settings: Settings, *, now: float, on_block: Callable[[Recorded], None] | None = None
-) -> VirtualElvinto | VirtualGrbl:
+) -> VirtualElvinto | VirtualGrbl | VirtualLathe:
     """A machine that has been running for a while. `on_block` is called with every block before it is answered.
 
     Raises ValueError for settings that no machine of the kind has.
@@ -34,5 +36,7 @@ def build(
     match settings:
         case GrblSettings():
             return VirtualGrbl(settings, now=now, on_line=on_block)
+        case LatheSettings():
+            return VirtualLathe(settings, now=now, on_block=on_block)
         case ElvintoSettings():
             return VirtualElvinto(settings, now=now, on_block=on_block)

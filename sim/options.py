@@ -14,6 +14,8 @@ from sim.faults import FaultRates
 from sim.grbl.nonvolatile import HAL_TABLE
 from sim.grbl.simsettings import SimSettings as GrblSettings
 from sim.motion import AXES
+from sim.ncframe.settings import CHECKS, FRAMINGS
+from sim.ncframe.settings import SimSettings as LatheSettings
 
 EXECUTED_LIMIT: Final = 10_000
 """A machine that runs for weeks inside the daemon must not keep every block it ever executed."""
@@ -86,9 +88,15 @@ def grbl_options_from_query(query: str) -> SimOptions[GrblSettings]:
     return _GRBL.read(query)
 
 
+def lathe_options_from_query(query: str) -> SimOptions[LatheSettings]:
+    """A lathe behind NC frames, likewise. Raises ValueError."""
+    return _LATHE.read(query)
+
+
 READERS: Mapping[str, Callable[[str], SimOptions[Any]]] = {
     "elvinto": options_from_query,
     "grbl": grbl_options_from_query,
+    "ncframe": lathe_options_from_query,
 }
 """By the protocol that a virtual machine speaks."""
 
@@ -199,3 +207,11 @@ _GRBL: Final = _Reader(
 
 GRBL_KEYS: Final = _GRBL.keys
 """All keys of a Grbl controller; `set_N` is `set_110=8000` and its like."""
+
+
+# NC frames.
+
+_LATHE: Final = _Reader(LatheSettings, _plain(LatheSettings(), frozenset()), {"check": CHECKS, "framing": FRAMINGS}, {})
+
+LATHE_KEYS: Final = _LATHE.keys
+"""All keys of a lathe behind NC frames."""

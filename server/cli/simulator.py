@@ -13,7 +13,7 @@ from urllib.parse import urlencode
 import typer
 
 from server.cli.common import CliError, ExitCode, on_stop_signal, safe, say
-from sim.options import SimOptions, grbl_options_from_query, options_from_query
+from sim.options import SimOptions, grbl_options_from_query, lathe_options_from_query, options_from_query
 from sim.shell import run
 
 group = typer.Typer(help="Virtual machines, for trying things out without a workshop.", no_args_is_help=True)
@@ -107,6 +107,40 @@ def grbl(
     }
     options = _options(grbl_options_from_query, named, option or [])
     _serve(options, "virtual Grbl controller", pty=pty, tcp=tcp, record=record)
+
+
+@group.command()
+def ncframe(
+    pty: Pty = None,
+    tcp: Tcp = None,
+    check: Annotated[str | None, typer.Option(help="Check byte behind a frame: none, xor or crc8.")] = None,
+    counter: Annotated[bool | None, typer.Option(help="ENQ is answered with the number of executed frames.")] = None,
+    speed: Speed = None,
+    baud: Baud = None,
+    loss: Loss = None,
+    flip: Flip = None,
+    duplicate: Duplicate = None,
+    noise: Noise = None,
+    delay: Delay = None,
+    seed: Seed = 0,
+    record: Annotated[Path | None, typer.Option(help="File to which every executed frame is appended.")] = None,
+    option: Option = None,
+) -> None:
+    """A lathe behind NC frames; runs until Ctrl-C. Without --pty and --tcp on a pseudo-terminal of any name."""
+    named = {
+        "check": check,
+        "counter": counter,
+        "speed_factor": speed,
+        "baud": baud,
+        "loss": loss,
+        "flip": flip,
+        "duplicate": duplicate,
+        "noise": noise,
+        "delay": delay,
+        "seed": seed,
+    }
+    options = _options(lathe_options_from_query, named, option or [])
+    _serve(options, "virtual lathe behind NC frames", pty=pty, tcp=tcp, record=record)
 
 
 def _serve(options: SimOptions[Any], what: str, *, pty: Path | None, tcp: str | None, record: Path | None) -> None:

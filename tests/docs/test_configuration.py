@@ -15,7 +15,14 @@ from server.grblconfig import GrblConfig
 from server.motionconfig import MotionConfig
 from server.reentryconfig import ReentryConfig
 from sim.faults import FaultRates
-from sim.options import GRBL_KEYS, KEYS, grbl_options_from_query, options_from_query
+from sim.options import (
+    GRBL_KEYS,
+    KEYS,
+    LATHE_KEYS,
+    grbl_options_from_query,
+    lathe_options_from_query,
+    options_from_query,
+)
 from tests.harness.docs import page, rows, section
 
 SECTIONS: list[tuple[str, type[BaseModel]]] = [
@@ -73,6 +80,14 @@ def test_every_key_of_the_virtual_grbl_controller_and_no_other() -> None:
     assert {row[0] for row in table} == GRBL_KEYS
     written = {row[0]: row[1] for row in table if row[0] != "set_N"}
     read, default = grbl_options_from_query(urlencode(written)), grbl_options_from_query("")
+    assert (read.settings, read.seed, read.baud) == (default.settings, default.seed, default.baud)
+    assert read.faults == FaultRates()
+
+
+def test_every_key_of_the_virtual_lathe_and_no_other() -> None:
+    table = rows(section(page("configuration.md"), "## The virtual lathe"), "key", "default", "meaning")
+    assert {row[0] for row in table} == LATHE_KEYS
+    read, default = lathe_options_from_query(urlencode({row[0]: row[1] for row in table})), lathe_options_from_query("")
     assert (read.settings, read.seed, read.baud) == (default.settings, default.seed, default.baud)
     assert read.faults == FaultRates()
 

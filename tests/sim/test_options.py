@@ -8,11 +8,15 @@ import pytest
 from sim.elvinto.settings import SimSettings
 from sim.faults import FaultRates
 from sim.grbl.simsettings import SimSettings as GrblSettings
+from sim.ncframe.settings import SimSettings as LatheSettings
 from sim.options import (
     EXECUTED_LIMIT,
     GRBL_KEYS,
     KEYS,
+    LATHE_KEYS,
+    READERS,
     grbl_options_from_query,
+    lathe_options_from_query,
     options_from_query,
     settings_from_query,
 )
@@ -122,3 +126,38 @@ def test_the_keys_of_grbl_are_the_fields() -> None:
     plain = {field.name for field in dataclasses.fields(GrblSettings)} - special
     assert plain < GRBL_KEYS
     assert {"travel_x", "start_z", "probe_z", "set_N", "loss", "seed", "baud"} < GRBL_KEYS
+
+
+# NC frames.
+
+
+def test_nothing_said_is_the_lathe_of_the_documents() -> None:
+    assert READERS["ncframe"]("sim:").settings == LatheSettings(executed_limit=EXECUTED_LIMIT)
+
+
+def test_every_kind_of_key_of_the_lathe() -> None:
+    options = lathe_options_from_query("sim:?check=xor&counter=false&framing=gap&start_count=7&gap_s=0.01&loss=0.1")
+    settings = options.settings
+    assert (settings.check, settings.counter, settings.framing, settings.start_count) == ("xor", False, "gap", 7)
+    assert options.faults == FaultRates(loss=0.1)
+
+
+@pytest.mark.parametrize(
+    ("query", "said"),
+    [
+        ("check=crc16", "none, xor, crc8"),
+        ("counter=maybe", "true or false"),
+        ("framing=none", "length, gap"),
+        ("start_count=1.5", "without a fraction"),
+        ("repeat=reack", "unknown key"),
+        ("rx_bytes=3", "at least 16"),
+    ],
+)
+def test_wrong_queries_of_the_lathe_say_what_is_allowed(query: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        lathe_options_from_query(query)
+
+
+def test_the_keys_of_the_lathe_are_the_fields() -> None:
+    assert {field.name for field in dataclasses.fields(LatheSettings)} < LATHE_KEYS
+    assert {"loss", "seed", "baud"} < LATHE_KEYS

@@ -1,4 +1,4 @@
-"""sim elvinto, sim grbl: what is handed to the virtual machine."""
+"""sim elvinto, sim grbl, sim ncframe: what is handed to the virtual machine."""
 
 import os
 import subprocess
@@ -54,6 +54,21 @@ def test_grbl_has_its_own_options(millstream: Run, handed: dict[str, Any]) -> No
 )
 def test_wrong_options_of_grbl_are_wrong_usage(millstream: Run, handed: dict[str, Any], options: list[object]) -> None:
     assert millstream("sim", "grbl", *options).code == 2
+    assert handed == {}
+
+
+def test_the_lathe_has_its_own_options(millstream: Run, handed: dict[str, Any]) -> None:
+    outcome = millstream("sim", "ncframe", "--check", "xor", "--no-counter", "--speed", 5, "-o", "framing=gap")
+    assert (outcome.code, outcome.out) == (0, "virtual lathe behind NC frames: /dev/pts/7\n")
+    settings = handed["settings"]
+    assert (settings.check, settings.counter, settings.speed_factor, settings.framing) == ("xor", False, 5.0, "gap")
+
+
+@pytest.mark.parametrize("options", [["--pty", "p", "--tcp", "a:1"], ["--check", "crc16"], ["-o", "repeat=reack"]])
+def test_wrong_options_of_the_lathe_are_wrong_usage(
+    millstream: Run, handed: dict[str, Any], options: list[object]
+) -> None:
+    assert millstream("sim", "ncframe", *options).code == 2
     assert handed == {}
 
 

@@ -1,0 +1,1 @@
+"""The virtual lathe behind NC frames."""
