@@ -1,0 +1,1 @@
+"""NC frames: binary blocks for a microcontroller lathe (docs/ncframe.md)."""
