@@ -34,6 +34,7 @@ class Board:
         self.step = 0
         self._values: dict[Pin, bool | int] = {pin: False if PINS[pin].type == "bit" else 0 for pin in pins_of(version)}
         self._since = dict.fromkeys(self._values, now)
+        self._step_of = dict.fromkeys(self._values, 0)
         self._events: deque[Event] = deque()
 
     def __contains__(self, pin: Pin) -> bool:
@@ -53,7 +54,12 @@ class Board:
             return
         self._values[pin] = value
         self._since[pin] = self.now
+        self._step_of[pin] = self.step
         self.emit(PinChanged(str(pin), value, self.now, self.step))
+
+    def older(self, pin: Pin, other: Pin) -> bool:
+        """A pin has its value for longer than another."""
+        return self._step_of[pin] < self._step_of[other]
 
     def go(self, region: Region[S, T], trigger: T) -> None:
         """Move along one of the tables."""

@@ -23,6 +23,10 @@ class ChangerLink:
     def connected(self) -> bool:
         return self._region.state is Connection.CONNECTED
 
+    @property
+    def lost(self) -> bool:
+        return self._region.state is Connection.LOST
+
     def connect(self) -> None:
         self._board.go(self._region, ConnectionTrigger.CONNECT)
         self.deadline_at = None

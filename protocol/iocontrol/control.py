@@ -84,9 +84,12 @@ class IoControl(IoView):
     def set_inputs(self, values: Mapping[str, object], now: float) -> None:
         """Levels that have changed, all in one step. Raises PinError, and then none of them counts.
 
-        An external changer that was not connected is so from now on: over plain HTTP there is no other sign of it.
+        An external changer that has never connected is so from now on: over plain HTTP there is no other sign of it.
+        One whose connection was lost has to `connect`, for a single level would leave the others FALSE.
         """
         levels = self._checked(values)
+        if self._link.lost:
+            raise PinError("the connection of the tool changer is lost: its levels count when it has connected again")
         self._board.now = now
         if not self._link.connected:
             self._connect(levels)
@@ -363,8 +366,12 @@ class IoControl(IoView):
         return True
 
     def _see_answer(self, state: State) -> bool:
-        if self.state is not state or not self._level(ANSWERS[state]):
+        pin = ANSWERS[state]
+        if self.state is not state or not self._level(pin):
             return False
+        if pin is Pin.TOOL_CHANGED and pin in self._unwired and self._board.older(pin, Pin.TOOL_CHANGE):
+            text = "tool-changed was TRUE before it was asked for, so the change counts as done: look into the spindle"
+            self._board.emit(OperatorMessage(text, "notice"))
         self._handshake.answered()
         return True
 

@@ -52,7 +52,7 @@ class Handshake:
         self.tool = tool
         self.prepared: Place | None = None
         self.interrupted: int | None = None
-        """The tool that was being changed when the abort came that is not acknowledged yet."""
+        """The tool of the last change, where an abort came into it: a late `tool-changed` speaks of this one."""
         self._requests = Requests()
         self._repeat: int | None = None
         """The tool of the last M6: a second M6 without a T between finds it in the spindle."""
@@ -95,9 +95,7 @@ class Handshake:
 
     def waiting(self) -> WaitingFor:
         what, tool = self._awaited()
-        if what is None:
-            return WaitingFor(None)
-        return self.wait.describe(what, tool)
+        return WaitingFor(None) if what is None else self.wait.describe(what, tool)
 
     def _awaited(self) -> tuple[What | None, int | None]:
         match self.state:
@@ -191,6 +189,7 @@ class Handshake:
         if self.prepared is None or self.prepared.number == self.tool:
             self._close(Trigger.SKIP, skipped=True)
             return
+        self.interrupted = None
         self._board.put(Pin.TOOL_CHANGE, True)
         self._go(Trigger.LOAD)
         self.wait.begin(self._config.change_timeout_s)
@@ -260,6 +259,7 @@ class Handshake:
         self._board.emit(ToolChanged(number, change.line, skipped))
 
     def _in_spindle(self, number: int) -> None:
+        self.interrupted = None
         self.tool = number
         self._board.put(Pin.TOOL_NUMBER, number)
         if self.table is not None and (table := self.table.exchanged(number)) != self.table:
@@ -270,7 +270,6 @@ class Handshake:
         reason = int(self._board[Pin.EMC_REASON])
         self._board.next_step()
         self._board.put(Pin.EMC_ABORT, False)
-        self.interrupted = None
         self._go(Trigger.ACKNOWLEDGED_IN_DOUBT if self._in_doubt else Trigger.ACKNOWLEDGED)
         if self._in_doubt:
             self.wait.begin(0.0)

@@ -164,6 +164,13 @@ def test_over_plain_http_the_first_level_is_the_connection() -> None:
     assert len(scene.of(Snapshot)) == 1
 
 
+def test_single_levels_of_a_changer_that_was_lost_are_refused() -> None:
+    scene = external()
+    lose(scene)
+    with pytest.raises(PinError, match="connected again"):
+        scene.inputs(tool_changed=True)
+
+
 def test_version_1_drops_what_is_pending_and_has_no_latch() -> None:
     scene = changing(external(IoConfig(kind="external", protocol_version=1, start_in_estop=False)))
     assert lose(scene) == "tool-change_, tool-number=-1"

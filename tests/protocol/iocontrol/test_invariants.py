@@ -108,10 +108,12 @@ class Block(RuleBasedStateMachine):
         self.asked["M61"] += 1
         self.call(self.io.set_tool, tool)
 
+    @precondition(lambda self: self.regions.get("connection") != "lost")
     @rule(levels=LEVELS, reason=st.sampled_from((None, -5, 0, 5)))
     def answer(self, levels: dict[str, bool], reason: int | None) -> None:
         self.call(self.io.set_inputs, self.possible(levels, reason))
 
+    @precondition(lambda self: self.regions.get("connection") != "lost")
     @rule()
     def answer_rightly(self) -> None:
         """What a good changer would say now: random levels alone rarely come to a change."""

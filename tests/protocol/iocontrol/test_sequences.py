@@ -48,6 +48,7 @@ def test_a_stuck_line_completes_its_request_at_once() -> None:
     scene.io.change(scene.tick())
     assert scene.sequence() == f"tool-change^ | {DONE_5}"
     assert scene.io.tool == 5
+    assert "was TRUE before it was asked for" in scene.messages[0]
 
 
 def test_a_tool_that_is_not_in_the_table_ends_the_program_with_the_line() -> None:
@@ -78,7 +79,7 @@ def test_change() -> None:
     assert scene.value("state") == 3
     assert not scene.io.motion_allowed
     assert scene.inputs(tool_changed=True) == f"tool-changed^ | {DONE_5}"
-    assert scene.ends == [ToolChanged(5, 8)]
+    assert (scene.ends, scene.messages) == ([ToolChanged(5, 8)], [])
     assert scene.io.motion_allowed
     assert scene.inputs(tool_changed=False) == "tool-changed_"
     assert not scene.of(AnswerIgnored)
@@ -340,6 +341,19 @@ def test_a_change_that_comes_after_the_abort_is_ignored_and_told() -> None:
     assert scene.of(AnswerIgnored) == [AnswerIgnored("tool-changed", "aborting: nothing waits for it")]
     assert "look which tool is in the spindle" in scene.messages[0]
     assert scene.io.tool == 0
+
+
+def test_a_change_that_comes_even_after_the_acknowledgement_is_told_until_the_next_one() -> None:
+    scene = changing(external())
+    scene.io.abort(AbortReason.USER, scene.tick())
+    scene.inputs(emc_abort_ack=True)
+    scene.inputs(emc_abort_ack=False)
+    assert scene.inputs(tool_changed=True) == "tool-changed^"
+    assert "tool 5 is in" in scene.messages[0]
+    scene.inputs(tool_changed=False)
+    scene.io.set_tool(5, scene.tick())
+    scene.inputs(tool_changed=True)
+    assert scene.messages == []
 
 
 def test_repeated_answers_are_ignored_and_told() -> None:
