@@ -64,6 +64,17 @@ def check_frames_source(
     return replace(report, encoding=file.encoding, line_ends=file.line_ends, bytes=file.bytes, sha256=file.sha256)
 
 
+def check_expandable(lines: Iterable[tuple[int, bytes]], rules: FrameRules) -> tuple[Finding, ...]:
+    """What is lost of a program that has to be expanded (loops, parameters): there, `;` begins a remark."""
+    found = Findings()
+    for number, raw in lines:
+        for block in list(blocks_of_line(raw, rules.semicolon))[1:]:
+            column = len(block) - len(block.lstrip()) + 1
+            text = "in a program with O-words, parameters or macros a block behind ; is to have a line of its own"
+            found.add("error", number, column, "block_behind_semicolon", text)
+    return found.of("error")
+
+
 class _Through:
     """The translation of lines on their way to the check."""
 

@@ -8,6 +8,7 @@ in the line.
 import re
 from collections.abc import Iterable, Iterator
 
+from gcode.expand.derived import source_line
 from gcode.ncframe.rules import Semicolon
 
 MAX_PADDING = 4096
@@ -34,6 +35,9 @@ def blocks_of_line(raw: bytes, semicolon: Semicolon) -> Iterator[bytes]:
 
     A line that begins with `;` is a remark: no block has begun that it could end.
     """
+    if b";@" in raw and source_line(raw) is not None:
+        # An expanded program: the mark says where the line came from, and is no block.
+        raw = raw[: raw.rindex(b";@")].rstrip()
     start = raw.lstrip()
     if start.startswith(_REMARKS):
         yield raw

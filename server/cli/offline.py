@@ -5,7 +5,7 @@ The one rule: they read the same profile and plan the same batches as the daemon
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
@@ -13,16 +13,31 @@ from typing import Annotated
 import typer
 
 from gcode.check import CheckOptions, check_source
+from gcode.expand.derived import source_line
 from gcode.expand.detection import needs_expansion
 from gcode.findings import Finding, Report
 from gcode.lines import pieces, split_lines
 from gcode.motion import Motion
+from gcode.ncframe.check import check_expandable, check_frames, check_frames_source
+from gcode.ncframe.rules import FrameRules, profile_for
 from gcode.profile import Profile, ProfileError, load_profile
 from jobs.batch import BatchPlanner
 from jobs.expansion import check_stored, store_expanded
 from jobs.program import NotAProgramError, ProgramInfo, ProgramStore
 from jobs.upcoming import PlanError
 from server.cli.common import CliError, ExitCode, Json, ProgramFile, safe, say, say_json, warn
+from server.cli.frames import (
+    Compensation,
+    Diameter,
+    FeedUnit,
+    FrameOptions,
+    Hex,
+    Resolution,
+    Semicolon,
+    SpeedUnit,
+    ToolRadius,
+    print_frames,
+)
 from server.config import MotionFile
 from server.configfile import ConfigError, load_section
 from server.elvintoconfig import ElvintoConfig
@@ -56,6 +71,13 @@ def check(
     baud: Baud = None,
     feed_override: Override = PERCENT,
     rapid_override: Override = PERCENT,
+    resolution: Resolution = None,
+    tool_radius: ToolRadius = None,
+    compensation: Compensation = None,
+    diameter: Diameter = False,
+    feed_unit: FeedUnit = None,
+    speed_unit: SpeedUnit = None,
+    semicolon: Semicolon = None,
     as_json: Json = False,
 ) -> None:
     """Check a program for a controller; exit code 1 when it has errors."""
@@ -66,8 +88,14 @@ def check(
         feed_override=feed_override / PERCENT,
         rapid_override=rapid_override / PERCENT,
     )
+    controller, axes = _profile(profile), _motion(motion)
+    told = FrameOptions(resolution, tool_radius, compensation, diameter, feed_unit, speed_unit, semicolon)
+    rules = told.rules(controller, block_delete=block_delete)
     with _opened(file) as program:
-        report = program.check(_profile(profile), _motion(motion), options)
+        if rules is None:
+            report = program.check(controller, axes, options)
+        else:
+            report = program.check_frames(controller, axes, rules, options)
     if as_json:
         say_json(report.to_json())
     else:
@@ -86,20 +114,28 @@ def translate(
     block_delete: BlockDelete = False,
     convert_inches: ConvertInches = False,
     compact: Annotated[bool, typer.Option(help="Leave out words that change nothing.")] = True,
+    as_hex: Hex = False,
+    resolution: Resolution = None,
+    tool_radius: ToolRadius = None,
+    compensation: Compensation = None,
+    diameter: Diameter = False,
+    feed_unit: FeedUnit = None,
+    speed_unit: SpeedUnit = None,
+    semicolon: Semicolon = None,
     as_json: Json = False,
 ) -> None:
-    """Print what would go out on the wire, a block a line (with --json a batch a line)."""
+    """Print what would go out on the wire, a block or a frame a line (with --json a batch or a frame a line)."""
     controller, axes = _profile(profile), _motion(motion)
     options = CheckOptions(block_delete=block_delete, convert_inches=convert_inches)
+    told = FrameOptions(resolution, tool_radius, compensation, diameter, feed_unit, speed_unit, semicolon, as_hex)
+    rules = told.rules(controller, block_delete=block_delete)
     with _opened(file) as program:
-        report = program.check(controller, axes, options)
-        if not report.ok:
-            for finding in report.errors:
-                warn(_sentence(file, "error", finding))
-            detail = f"{safe(file)}: nothing would go out, the program does not pass the check."
-            raise CliError(
-                ExitCode.FAILED, detail, {"code": "preflight_failed", "detail": detail, "report": report.to_json()}
-            )
+        if rules is not None:
+            _pass(file, program.check_frames(controller, axes, rules, options))
+            lines = program.frame_lines(block_delete=block_delete)
+            print_frames(lines, controller, axes, rules, as_hex=as_hex, as_json=as_json)
+            return
+        _pass(file, program.check(controller, axes, options))
         planner = BatchPlanner(
             program.plain_lines(block_delete=block_delete),
             controller,
@@ -115,6 +151,16 @@ def translate(
             raise CliError(ExitCode.FAILED, f"{safe(file)}: {safe(error)}") from error
 
 
+def _pass(file: Path, report: Report) -> None:
+    """Ends the command where a job would not start."""
+    if report.ok:
+        return
+    for finding in report.errors:
+        warn(_sentence(file, "error", finding))
+    detail = f"{safe(file)}: nothing would go out, the program does not pass the check."
+    raise CliError(ExitCode.FAILED, detail, {"code": "preflight_failed", "detail": detail, "report": report.to_json()})
+
+
 @dataclass(frozen=True, slots=True)
 class _Plain:
     """A file that is executed as it stands."""
@@ -124,8 +170,14 @@ class _Plain:
     def check(self, profile: Profile, motion: Motion, options: CheckOptions) -> Report:
         return check_source(_chunks(self.file), profile, motion, **options)
 
+    def check_frames(self, profile: Profile, motion: Motion, rules: FrameRules, options: CheckOptions) -> Report:
+        return check_frames_source(_chunks(self.file), profile, motion, rules, **options)
+
     def plain_lines(self, *, block_delete: bool) -> Iterator[tuple[int, bytes]]:  # noqa: ARG002 - the planner does it
         return enumerate(split_lines(_chunks(self.file)), 1)
+
+    def frame_lines(self, *, block_delete: bool) -> Iterator[tuple[int, bytes]]:
+        return self.plain_lines(block_delete=block_delete)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,9 +190,22 @@ class _Expanded:
     def check(self, profile: Profile, motion: Motion, options: CheckOptions) -> Report:
         return check_stored(self.programs, self.info.id, profile, motion, options)
 
+    def check_frames(self, profile: Profile, motion: Motion, rules: FrameRules, options: CheckOptions) -> Report:
+        report = self.check(profile_for(profile, rules), motion, options)
+        lost = check_expandable(self.programs.lines(self.info.id), rules)
+        if lost or not report.ok:
+            return replace(report, errors=(*report.errors, *lost))
+        lines = self.frame_lines(block_delete=rules.block_delete)
+        return replace(report, errors=check_frames(lines, profile, motion, rules, **options).errors)
+
     def plain_lines(self, *, block_delete: bool) -> Iterator[tuple[int, bytes]]:
         made = store_expanded(self.programs, self.info.id, self.info.name, block_delete=block_delete)
         return self.programs.lines(made.id)
+
+    def frame_lines(self, *, block_delete: bool) -> Iterator[tuple[int, bytes]]:
+        """The same with the numbers of the lines that they came from."""
+        for number, raw in self.plain_lines(block_delete=block_delete):
+            yield source_line(raw) or number, raw
 
 
 @contextmanager

@@ -27,6 +27,14 @@ def test_every_code_is_explained() -> None:
     assert {code for code in known if f"`{code}`" not in PAGE} == set()
 
 
+def test_every_code_of_the_translation_to_frames_is_explained() -> None:
+    said = re.compile(r'(?:\.note\(\s*|found\.add\(\s*"error",[^"]*?)"([a-z][a-z0-9_]+)",')
+    files = (ROOT / "gcode" / "ncframe").glob("*.py")
+    known = {code for path in files for code in said.findall(path.read_text(encoding="utf-8"))}
+    assert {"frame_range", "position_unknown", "block_behind_semicolon", "feed_missing", "arc_plane"} <= known
+    assert {code for code in known if f"`{code}`" not in PAGE and not code.startswith("compensation_")} == set()
+
+
 def test_every_reason_not_to_expand_a_program_is_explained() -> None:
     page = (ROOT / "docs" / "gcode-programs.md").read_text(encoding="utf-8")
     raised = re.compile(r'(?:error|RefusalError|ExpandError)\(\s*(?:[^"()]|\([^"()]*\))*"([a-z][a-z0-9_]+)",')

@@ -42,6 +42,11 @@ def test_a_semicolon_may_begin_a_remark_instead() -> None:
     assert blocks(b"G0,X1 ; fast; G1 X2", "remark") == [b"G0 X1"]
 
 
+def test_the_mark_of_an_expanded_line_is_no_block() -> None:
+    assert blocks(b"G0 X1 ;@12") == [b"G0 X1"]
+    assert blocks(b"G0 X1;X2 ;@3") == [b"G0 X1", b"X2"]
+
+
 def test_columns_stay_those_of_the_line() -> None:
     raw = b"G0,X1;G1 Z2,F9"
     words = [word for block in blocks_of_line(raw, "end") for word in parse_block(block.decode()).words]
