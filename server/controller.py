@@ -229,6 +229,11 @@ class Controller(Machine):
         self.pump()
         await self._accepted(answer)
 
+    @property
+    def jog_ahead(self) -> int:
+        """Steps of a held jog that the machine may have beyond the present one."""
+        return 0 if self.verbs.cancel_jog is None else 1
+
     async def list_files(self) -> dict[str, Any]:
         """The root folder of the SD card. Raises ProblemError."""
         self.check_by_hand()

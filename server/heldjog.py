@@ -21,8 +21,11 @@ BUSY_RETRY_S = 0.02
 
 
 class Jogger(Protocol):
-    """What a held jog needs of a machine."""
+    """What a held jog needs of a machine. `jog_ahead`: steps that it may have beyond the present one, so that it does
+    not stop between them; only where a cancel ends them all."""
 
+    @property
+    def jog_ahead(self) -> int: ...
     async def jog(self, axes: dict[str, float], feed: float) -> None: ...
     def cancel_jog(self) -> None: ...
 
@@ -81,12 +84,14 @@ class HeldJogs:
 
     async def _run(self, machine: str, held: _Held) -> None:
         loop = asyncio.get_running_loop()
+        ahead_s = STEP_S * self._machine(machine).jog_ahead
+        step_ends_at = loop.time()
         try:
             while loop.time() < held.alive_until:
-                step_ends_at = loop.time() + STEP_S
+                step_ends_at = max(step_ends_at, loop.time()) + STEP_S
                 await self._step(machine, held)
                 # A machine that answers before the step is run must not be given a backlog of steps.
-                while (rest_s := min(step_ends_at, held.alive_until) - loop.time()) > 0:  # noqa: ASYNC110 - a beat moves the end
+                while (rest_s := min(step_ends_at - ahead_s, held.alive_until) - loop.time()) > 0:  # noqa: ASYNC110 - beats
                     await asyncio.sleep(rest_s)
         except ProblemError as problem:
             held.error = problem

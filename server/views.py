@@ -43,6 +43,10 @@ def state_view(state: MachineState, *, seq: int, at: str | None) -> dict[str, An
         "tool": state.tool,
         "tool_requested": state.tool_requested,
         "inputs": dict(state.inputs),
+        "accessories": sorted(state.accessories),
+        "homed": state.homed,
+        "pendant": state.pendant,
+        "substate": state.substate,
         "seq": seq,
         "at": at,
     }

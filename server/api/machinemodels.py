@@ -44,13 +44,21 @@ STATE_EXAMPLE: dict[str, Any] = {
     "absolute": True,
     "tool": 3,
     "inputs": {},
+    "accessories": ["spindle_cw"],
+    "homed": True,
+    "pendant": False,
+    "substate": None,
     "seq": 1841,
     "at": TIME,
 }
 
 
 class StateView(BaseModel):
-    """The last known state. `feed` in mm/min, `spindle` in rpm, `overrides` in percent; null where it is not known."""
+    """The last known state. `feed` in mm/min, `spindle` in rpm, `overrides` in percent; null where it is not known.
+
+    `accessories` are those that run, `pendant`: one owns the machine (MPG), `substate` as the controller numbers it (Grbl:
+    Hold 0 stands, 1 decelerates; Door 0 to 3).
+    """
 
     model_config = example(**STATE_EXAMPLE)
     status: Literal["offline", "idle", "run", "hold", "jog", "alarm", "home", "check", "door", "sleep", "tool"]
@@ -62,6 +70,10 @@ class StateView(BaseModel):
     absolute: bool | None
     tool: int | None
     inputs: dict[str, bool]
+    accessories: list[str]
+    homed: bool | None
+    pendant: bool
+    substate: int | None
     seq: int
     at: str | None
 

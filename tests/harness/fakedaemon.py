@@ -16,6 +16,10 @@ STATE: dict[str, Any] = {
     "absolute": True,
     "tool": None,
     "inputs": {},
+    "accessories": [],
+    "homed": None,
+    "pendant": False,
+    "substate": None,
     "seq": 7,
     "at": "2026-03-01T09:30:00.250Z",
 }

@@ -60,6 +60,7 @@ class FakeMachine(Recording):
         self.name = name
         self.metrics = MachineMetrics()
         self.while_jogging: Callable[[], Any] | None = None
+        self.jog_ahead = 0
 
     def view(self) -> Json:
         return copy.deepcopy(MACHINE_EXAMPLE) | {"name": self.name}

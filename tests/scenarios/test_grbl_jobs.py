@@ -9,6 +9,7 @@ import pytest
 
 from server.app import Workshop
 from server.controller import Controller
+from server.heldjog import HeldJogs
 from server.problems import ProblemError
 from sim.grbl.simsettings import SimSettings
 from tests.harness.grblworkshop import GrblBench
@@ -400,6 +401,28 @@ def test_jogs_home_and_unlock_by_hand(tmp_path: Path) -> None:
         assert wrong.value.code == "wrong_state"
 
     simulated(tmp_path, story, settings=SimSettings(dollar=HOMED))
+
+
+def test_a_held_jog_runs_without_a_stop_and_ends_with_its_heartbeat(tmp_path: Path) -> None:
+    async def story(bench: GrblBench, _shop: Workshop, router: Controller) -> None:
+        held, me = HeldJogs({MACHINE: router}.__getitem__), object()
+        loop = asyncio.get_running_loop()
+        states: set[str] = set()
+        for _ in range(40):
+            await held.beat(MACHINE, me, {"x": 1.0}, 600.0)
+            await asyncio.sleep(0.1)
+            states.add(router.state.status)
+        let_go_at, far_mm = loop.time(), bench.machine.position["X"]
+        assert states <= {"idle", "jog"}
+        assert far_mm == pytest.approx(600 / 60 * 4.0, abs=5.0), "it does not stop between its steps"
+        await state_is(router, "idle", within_s=2.0)
+        assert bench.machine.position["X"] - far_mm < 600 / 60 * 1.0
+        count = bench.machine.executed_count
+        await asyncio.sleep(5)
+        assert bench.machine.executed_count == count
+        assert loop.time() > let_go_at
+
+    simulated(tmp_path, story, settings=SimSettings(dollar={110: 5000.0, 120: 200.0}))
 
 
 def test_a_job_begins_in_idle_only(tmp_path: Path) -> None:
