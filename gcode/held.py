@@ -62,7 +62,7 @@ class Held:
 def state_of(held: Held, profile: Profile, *, assume: bool = False) -> State:
     """The state of a controller that holds this, standing where it stands. `assume`: see the head of this file."""
     state = power_on(profile)
-    if held.modal:
+    if held.modal or held.offsets is not None:
         _offsets_into(state, held.offsets, known=assume)
         _modes_into(state, held.modal, profile)
     state.refresh_frame()

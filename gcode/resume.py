@@ -345,19 +345,29 @@ class _Planner:
         self._add(f"{name} {' '.join(words)}", "offset", "the shift: this place has these coordinates")
 
     def _motion(self) -> None:
+        """The feed before the mode: Grbl refuses a G1 as long as it has no feed (error:22)."""
         state = self._state
+        plunged = any(step.purpose == "plunge" for step in self._steps)
+        lasting = state.feed is not None and state.feed_mode == 94
+        if lasting:
+            self._add(self._feed(), "feed")
         if state.motion in ("rapid", "feed", "cancel"):
-            self._add(state.motion_name or "", "motion")
+            needs_feed = state.motion == "feed" and not (lasting or plunged)
+            feed = f" F{number(self._scaled(self._way.plunge_feed_mm_min))}" if needs_feed else ""
+            self._add(f"{state.motion_name}{feed}", "motion")
+            plunged |= needs_feed
         mode = {93: "inverse_time", 94: "per_minute", 95: "per_revolution"}[state.feed_mode]
-        name = "" if state.feed_mode == 94 else self._required(f"G{state.feed_mode}", effect=mode)
-        if state.feed is not None:
-            self._add(f"{name} F{number(self._scaled(state.feed))}".strip(), "feed")
-        else:
-            self._add(name, "feed")
-            if any(step.purpose == "plunge" for step in self._steps):
-                self._warnings.append("No line before sets a feed: that of the plunge holds until the rest says F.")
+        if state.feed_mode != 94:
+            name = self._required(f"G{state.feed_mode}", effect=mode)
+            self._add(f"{name} {self._feed()}".strip(), "feed")
+        if state.feed is None and plunged:
+            self._warnings.append("No line before sets a feed: that of the plunge holds until the rest says F.")
         if not state.absolute:
             self._add(self._required("G91", effect="relative"), "distance")
+
+    def _feed(self) -> str:
+        feed = self._state.feed
+        return "" if feed is None else f"F{number(self._scaled(feed))}"
 
     def _warn(self) -> None:
         said = self._past.said

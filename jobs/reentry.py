@@ -4,7 +4,7 @@ Not how the plan is made (gcode/resume.py) and not ElVinto's way, which goes on 
 (restart.py). The one rule: plan and rest are one stream of lines; until the plan is done, the line is not.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from math import isnan
@@ -36,6 +36,8 @@ SPEED_ROUNDING = 1.0
 """rpm, likewise."""
 OFFSET_ROUNDING = 0.002
 """mm: three decimals for each of what makes an offset."""
+SAME_MM = 0.0015
+"""Of an offset that is told with three decimals."""
 
 SHIFT_ASSUMED = (
     "Whether a shift (G92) or a tool length was in force when the job began was not told: none is assumed. "
@@ -48,10 +50,11 @@ MODES_ASSUMED = (
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A program as one has it: the lines before, and the rest from `line` on. `encoding` is that of its comments."""
+    """A program as one has it, each time from the file: the lines before, and the rest from `line` on. `encoding` is
+    that of its comments."""
 
-    before: Lines
-    rest: Lines
+    before: Callable[[], Lines]
+    rest: Callable[[], Lines]
     line: int
     profile: Profile
     encoding: str
@@ -64,8 +67,8 @@ def plan_at(course: Course, way: Way, *, began: Held | None, now: Held) -> Reent
     """
     profile = course.profile
     past = _past(course, began, now, laser=way.laser)
-    rest = (parse_block(decode_line(raw, course.encoding)) for _, raw in islice(course.rest, AHEAD_BLOCKS))
-    position = _place_in(past.state, state_of(now, profile)) if now.offsets is not None else None
+    rest = (parse_block(decode_line(raw, course.encoding)) for _, raw in islice(course.rest(), AHEAD_BLOCKS))
+    position = _place_in(past.state, now, profile) if now.offsets is not None else None
     try:
         plan = plan_reentry(past, rest, profile, way, position=position)
     except CannotResumeError as error:
@@ -89,15 +92,15 @@ def has_kept_its_modes(course: Course, *, began: Held | None, now: Held, laser: 
 
 
 def _past(course: Course, began: Held | None, now: Held, *, laser: bool) -> Past:
-    start = Held() if began is None else began.again(now)
-    return past_of(
-        _pieces(course.before),
-        course.line,
-        course.profile,
-        state=state_of(start, course.profile, assume=True),
-        laser=laser,
-        encoding=course.encoding,
-    )
+    """The systems of now, for they may have been set anew since. But where the lines before set them (G10), those of
+    then: what a coordinate meant hangs on what was in force when it was said."""
+
+    def follow(start: Held) -> Past:
+        pieces, state = _pieces(course.before()), state_of(start, course.profile, assume=True)
+        return past_of(pieces, course.line, course.profile, state=state, laser=laser, encoding=course.encoding)
+
+    past = follow((began or Held(offsets={})).again(now))
+    return follow(began) if began is not None and "data" in past.said else past
 
 
 def with_plan(line: int, blocks: Sequence[str], takes_over: int, rest: Lines) -> Lines:
@@ -146,12 +149,16 @@ def _pieces(lines: Lines) -> Iterator[bytes]:
         yield b"\n".join(taken) + b"\n"
 
 
-def _place_in(before: State, now: State) -> dict[str, float]:
-    """Where the machine stands, in the program coordinates of the state before the line; axes that can be told."""
-    lost = adrift(before) | adrift(now)
+def _place_in(before: State, now: Held, profile: Profile) -> dict[str, float]:
+    """Where the machine stands, in the program coordinates of the state before the line; axes that can be told. The
+    system itself is the controller's own: it has kept it, or somebody has set it anew."""
+    here, there = state_of(now, profile), before.copy()
+    there.systems = here.systems
+    there.refresh_frame()
+    lost = adrift(there) | adrift(here)
     return {
         axis.lower(): machine - offset
-        for row, (axis, machine, offset) in enumerate(zip(now.axes, now.position, before.frame, strict=True))
+        for row, (axis, machine, offset) in enumerate(zip(here.axes, here.position, there.frame, strict=True))
         if row not in lost and not isnan(machine)
     }
 
@@ -162,12 +169,16 @@ def _doubts(past: Past, began: Held | None, now: Held) -> Iterable[str]:
         yield MODES_ASSUMED
     elif began.offsets is None:
         yield SHIFT_ASSUMED
-    elif now.offsets is not None and "data" not in past.said:
+    elif now.offsets is not None:
         name = SYSTEM_NAMES[past.state.system - 1]
-        then, here = began.offsets.get(name, {}), now.offsets.get(name, {})
-        if then != here:
-            yield f"{name} was {_shown(then)} when the job began and is {_shown(here)} now: its zero was set anew."
+        axes = past.state.axes.lower()
+        then = began.offsets.get(name, {})
+        if "data" in past.said:
+            then = dict(zip(axes, past.state.systems.get(past.state.system, ()), strict=False))
+        here = now.offsets.get(name, {})
+        if any(abs(then[axis] - here[axis]) > SAME_MM for axis in here.keys() & then.keys()):
+            yield f"{name} is {_shown(here)} now and was {_shown(then)} in the job: its zero was set anew."
 
 
 def _shown(at: Mapping[str, float]) -> str:
-    return " ".join(f"{axis.upper()}{value:g}" for axis, value in at.items()) or "nothing"
+    return " ".join(f"{axis.upper()}{value:g}" for axis, value in at.items())

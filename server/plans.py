@@ -6,6 +6,7 @@ machine or the database.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -142,9 +143,11 @@ class Planning:
 
     def reentry(self, piece: Workpiece, row: Row, *, line: int, held: Held, entry: Entry) -> Reentry:
         """The plan to take the program up at `line`. Raises CannotStartError with its reason."""
-        before, rest = self._lines(row, 1, line - 1), self._lines(row, line, row["end_line"])
-        course = Course(before, rest, line, piece.profile, piece.encoding)
-        return plan_at(course, entry.way, began=entry.began, now=held)
+        return plan_at(self._course(piece, row, line), entry.way, began=entry.began, now=held)
+
+    def _course(self, piece: Workpiece, row: Row, line: int) -> Course:
+        before, rest = partial(self._lines, row, 1, line - 1), partial(self._lines, row, line, row["end_line"])
+        return Course(before, rest, line, piece.profile, piece.encoding)
 
     def _take_up(self, piece: Workpiece, row: Row, line: int, held: Held, entry: Entry) -> Plan:
         reentry = self.reentry(piece, row, line=line, held=held, entry=entry)
@@ -163,7 +166,7 @@ class Planning:
 
     def keeps(self, piece: Workpiece, row: Row, *, line: int, began: Held | None, held: Held) -> bool:
         """Whether the controller holds what the lines before `line` have set, so that it was not reset since."""
-        course = Course(self._lines(row, 1, line - 1), (), line, piece.profile, piece.encoding)
+        course = self._course(piece, row, line)
         return has_kept_its_modes(course, began=began, now=held, laser=piece.motion.laser)
 
     def go_on(self, piece: Workpiece, row: Row, *, line: int, began: Held | None = None) -> BatchPlanner:

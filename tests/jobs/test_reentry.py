@@ -34,14 +34,14 @@ NOW = Held(AT_RESET, offsets(), {"x": 3.0, "y": 3.0, "z": -1.0})
 
 def plan(program: str, line: int, began: Held | None, now: Held = NOW, way: Way = WAY) -> Reentry:
     lines = list(numbered(program))
-    course = Course(lines[: line - 1], lines[line - 1 :], line, GRBL, "utf-8")
+    course = Course(lambda: lines[: line - 1], lambda: lines[line - 1 :], line, GRBL, "utf-8")
     return plan_at(course, way, began=began, now=now)
 
 
 def test_the_plan_brings_back_what_the_lines_before_had_set() -> None:
     made = plan(PROGRAM, 6, NOW)
     assert made.warnings == ("The lines before name no tool: the one that the program began with must be in it.",)
-    assert made.blocks[-8:] == ("G0 Z20", "G0 X5 Y2", "M3 S900", "G4 P2", "M9", "G1 Z-1 F150", "G1", "F300")
+    assert made.blocks[-8:] == ("G0 Z20", "G0 X5 Y2", "M3 S900", "G4 P2", "M9", "G1 Z-1 F150", "F300", "G1")
 
 
 def test_modes_that_were_set_by_hand_before_the_job_hold_again() -> None:
@@ -79,15 +79,17 @@ def test_what_the_plan_rests_on_without_proof_is_said() -> None:
     assert SHIFT_ASSUMED in plan(PROGRAM, 6, Held(AT_RESET)).warnings
     moved = Held(AT_RESET, offsets(G54={"x": 1.0, "y": 0.0, "z": 0.0}))
     (warning, _) = plan(PROGRAM, 6, moved).warnings
-    assert warning == "G54 was X1 Y0 Z0 when the job began and is X0 Y0 Z0 now: its zero was set anew."
+    assert warning == "G54 is X0 Y0 Z0 now and was X1 Y0 Z0 in the job: its zero was set anew."
     blind = plan(PROGRAM, 6, NOW, Held(AT_RESET, None, ZERO))
     assert any("Where the machine stands is not known" in warning for warning in blind.warnings)
 
 
 def test_a_program_that_sets_its_own_zero_is_not_blamed_for_it() -> None:
     program = "G10 L2 P1 X1\n" + PROGRAM
-    warnings = plan(program, 7, NOW, Held(AT_RESET, offsets(G54={"x": 1.0, "y": 0.0, "z": 0.0}))).warnings
-    assert not [warning for warning in warnings if "anew" in warning]
+    kept = Held(AT_RESET, offsets(G54={"x": 1.0, "y": 0.0, "z": 0.0}))
+    assert not [warning for warning in plan(program, 7, NOW, kept).warnings if "anew" in warning]
+    moved = Held(AT_RESET, offsets(G54={"x": 2.0, "y": 0.0, "z": 0.0}))
+    assert any("G54 is X2 Y0 Z0 now and was X1 Y0 Z0" in warning for warning in plan(program, 7, NOW, moved).warnings)
 
 
 def test_until_the_plan_is_done_the_line_is_not() -> None:
@@ -131,7 +133,7 @@ def kept(
     modal: str, program: str = PROGRAM, line: int = 6, began: Held | None = NOW, **changed: dict[str, float]
 ) -> bool:
     lines = list(numbered(program))
-    course = Course(lines[: line - 1], lines[line - 1 :], line, GRBL, "utf-8")
+    course = Course(lambda: lines[: line - 1], lambda: lines[line - 1 :], line, GRBL, "utf-8")
     return has_kept_its_modes(course, began=began, now=Held(tuple(modal.split()), offsets(**changed)), laser=False)
 
 
