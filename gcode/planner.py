@@ -40,16 +40,18 @@ class Planner:
         self._link = LinkFloor(motion.planner_blocks - 1)
         self._floors = np.zeros(0)
 
-    def feed(self, segments: Segments, link_floor_s: Floats | None = None) -> Floats:
+    def feed(self, segments: Segments, link_floor_s: Floats | None = None, *, ends: bool = False) -> Floats:
         """Take these segments too; seconds of all that have become final, first in, first out.
 
         `link_floor_s`: seconds that the link needs for the line of each (bytes · 10 / baud); nothing where absent.
+        `ends`: the program ends with them, as `flush` says; for a short one that is much less to do.
         """
         floors = np.zeros(len(segments)) if link_floor_s is None else np.clip(np.nan_to_num(link_floor_s), 0.0, 1e9)
         self._floors = np.concatenate((self._floors, floors))
         # What is infinite, or no number, on the way is replaced where it would be used: no warning about it.
         with np.errstate(all="ignore"):
-            final = [self._piece(piece, cut) for piece, cut in self._pieces(segments)]
+            pieces = list(self._pieces(segments))
+            final = [self._piece(piece, cut, last=ends and piece is pieces[-1][0]) for piece, cut in pieces]
         return self._slowed(np.concatenate(final) if final else np.zeros(0))
 
     def flush(self) -> Floats:
@@ -72,11 +74,12 @@ class Planner:
             yield segments.take(slice(first, last)), cut.take(slice(first, last))
             first = last
 
-    def _piece(self, segments: Segments, cut: Cut) -> Floats:
+    def _piece(self, segments: Segments, cut: Cut, *, last: bool) -> Floats:
         blocks = self._maker.make(segments, cut)
         blocks.row += len(self._seconds)
         self._waiting = self._waiting.then(blocks)
         self._seconds = np.concatenate((self._seconds, _dwells(segments)))
+        self._maker.at_rest |= last
         return self._finish()
 
     def _finish(self) -> Floats:
@@ -130,7 +133,7 @@ def plan(
 ) -> Floats:
     """Seconds of each segment of a whole program."""
     planner = Planner(motion, segments.axes, feed_override=feed_override, rapid_override=rapid_override)
-    return np.concatenate((planner.feed(segments, link_floor_s), planner.flush()))
+    return planner.feed(segments, link_floor_s, ends=True)
 
 
 def _dwells(segments: Segments) -> Floats:

@@ -233,21 +233,24 @@ class BlockReader:
         rows = segments.line - begin
         each_s = plan(segments, self._rules.motion)
         seconds = np.bincount(rows, weights=each_s, minlength=count)
-        seconds_of = seconds.tolist()
         uncertain = np.bincount(rows, weights=_is_uncertain(segments, piece.blocks), minlength=count) > 0
         cost_s = np.where(uncertain, inf, seconds).tolist()
         moves = (np.bincount(rows, weights=segments.kind != DWELL, minlength=count) > 0).tolist()
         places = _places(segments, begin, count, self.place)
-        found = []
-        for row, text in enumerate(written):
-            if not text:
-                continue
-            line = piece.lines[begin + row]
-            if len(text) > self._rules.max_block_bytes:
-                reason = f"the block has {len(text)} bytes, the machine takes {self._rules.max_block_bytes}"
-                raise PlanError(line, reason)
-            found.append(Upcoming(line, text, seconds_of[row], cost_s[row], moves[row], places[row]))
-        return found
+        if max(map(len, written), default=0) > self._rules.max_block_bytes:
+            self._refuse_too_long(piece.lines[begin:end], written)
+        return [
+            Upcoming(line, text, seconds_of, cost_of, moves_axes, place)
+            for line, text, seconds_of, cost_of, moves_axes, place in zip(
+                piece.lines[begin:end], written, seconds.tolist(), cost_s, moves, places, strict=True
+            )
+            if text
+        ]
+
+    def _refuse_too_long(self, lines: list[int], written: list[str]) -> None:
+        most_bytes = self._rules.max_block_bytes
+        line, text = next((line, text) for line, text in zip(lines, written, strict=True) if len(text) > most_bytes)
+        raise PlanError(line, f"the block has {len(text)} bytes, the machine takes {most_bytes}")
 
 
 def barrier_of(block: Block, profile: Profile) -> Barrier | None:
