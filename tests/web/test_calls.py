@@ -1,12 +1,15 @@
 """What a person has to answer, and the emergency stop: in real browsers, one or two of them."""
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
+from sim.elvinto.settings import SimSettings
 from tests.harness.browser import DESK, PHONE, TABLET, Screen
-from tests.harness.process import Daemon, until
+from tests.harness.process import Daemon, daemon, live_mill, until
 
 pytestmark = pytest.mark.real
 
@@ -96,15 +99,41 @@ def test_the_estop_goes_out_over_http_when_the_websocket_does_not_answer(person:
     expect(page.locator("#estop-result")).to_have_class("sent")
 
 
-def test_an_interrupted_job_shows_its_plan_and_goes_on(person: Screen, mill: Daemon) -> None:
+def test_a_job_is_paused_and_cancelled_where_it_is_shown(person: Screen, mill: Daemon) -> None:
     job = mill.job(LONG)
     person.status("run")
     until(lambda: mill.get(f"/jobs/{job}")["progress"]["line"] > 5)
-    machine = f"{mill.url}/api/v1/machines/mill"
-    assert mill.http.post(f"{machine}/disconnect").status_code == 409, "a job holds the link"
     person.press("pause")
     person.status("hold")
     person.go(f"mill/jobs/{job}")
     expect(person.named("job")).to_have_attribute("data-status", "paused")
     person.press("cancel")
     expect(person.named("job")).to_have_attribute("data-status", "cancelled")
+
+
+def test_an_interrupted_job_shows_its_plan_before_anything_goes_on(
+    browser: Browser, tmp_path: Path, screens: Callable[..., Screen]
+) -> None:
+    with (
+        live_mill(tmp_path, SimSettings(speed_factor=8), link="tcp") as (machine, recording),
+        daemon(tmp_path, machine.port, machine="resume_within = 1") as own,
+    ):
+        one = screens(own.connected().url)
+        one.go()
+        job = own.job(LONG)
+        recording.reached(20)
+        machine.unplug()
+        one.status("connecting", "offline")
+        expect(one.page.locator(".position")).to_have_class(re.compile("old"))
+        own.status(job, "interrupted")
+        machine.replug()
+        own.connected()
+        one.status("interrupted")
+        executed = len(recording.blocks())
+        one.named("recover").click()
+        certain = own.get(f"/jobs/{job}")["progress"]["line"]
+        expect(one.named("recover").locator("dd").first).to_have_text(str(certain))
+        assert len(recording.blocks()) == executed, "looking at the plan moves nothing"
+        one.press("continue")
+        one.status("run")
+        until(lambda: len(recording.blocks()) > executed)
