@@ -195,10 +195,8 @@ class Runner(RunState):
 
         `next_id` is the engine's; when it has moved since the row was written, the row is written again.
         """
-        ahead = self.feed.ahead
-        written = ahead is not None and ahead.entry is not None and ahead.entry.wire_id == next_id
-        if written and not (free and self.has_room):
-            return []  # the next is written down and cannot go out: nothing can be done before an event
+        if self.waits(next_id, free):
+            return []
         if self._wishes.cancel and not self.ledger.open:
             self._stop(self._cancelled)
         if not self._link.up or not self._goes_on:
@@ -217,6 +215,12 @@ class Runner(RunState):
             self.ledger.submit(ahead.entry)
             self._emit(Submit(ahead.entry.command(self.policy)))
         return self._drain()
+
+    def waits(self, next_id: int, free: int) -> bool:
+        """The next batch is written down and cannot go out: nothing can be done before an event."""
+        ahead = self.feed.ahead
+        written = ahead is not None and ahead.entry is not None and ahead.entry.wire_id == next_id
+        return written and not (free and self.has_room)
 
     @property
     def reading(self) -> bool:

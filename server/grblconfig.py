@@ -15,6 +15,8 @@ from protocol.commands import OnError
 from protocol.grbl.dialect import Dialect
 from server.section import Encoding, Section
 
+FLAVOURS = {"grbl-1.1": "grbl", "grblhal": "grblhal"}
+"""What a controller says that it is (protocol.events.FirmwareRead)."""
 MAX_BATCHES = 8
 """Rows of the journal that may be with the engine: most of them are in the controller's queue."""
 
@@ -45,6 +47,13 @@ class GrblConfig(Section):
     def profile(self) -> str:
         """The G-code of this firmware, gcode/profiles/."""
         return self.firmware
+
+    def contradicted_by(self, flavour: str) -> str | None:
+        """What is to be said when the controller turns out to be of another kind."""
+        if flavour == FLAVOURS[self.firmware]:
+            return None
+        other = next(firmware for firmware, known in FLAVOURS.items() if known == flavour)
+        return f'The controller is a {flavour}; configured is firmware = "{self.firmware}": set firmware = "{other}".'
 
     def dialect(self) -> Dialect:
         """The part of these keys that the protocol engine obeys."""

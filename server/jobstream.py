@@ -168,6 +168,14 @@ class JobStream:
         self._pump()
         return submitted
 
+    def offer(self) -> bool:
+        """Whatever the runner can do now that all that was heard is handed over; True when something was submitted.
+        Asked after every input, and mostly the next batch is written down and waits for room: then nothing is to do."""
+        runner, engine = self.runner, self._engine
+        if not self._todo and runner is not None and engine is not None and runner.waits(engine.next_id, engine.free()):
+            return False
+        return self.react([])
+
     def _read_on(self) -> None:
         """A long stretch without a block is read piece by piece; in between the loop does what else there is."""
         self._reading = None
@@ -212,9 +220,9 @@ class JobStream:
         if effects:  # what can be done without any is done when all that was heard is handed over (link.py)
             self.react(effects)
 
-    def heard(self) -> None:
+    def heard(self, now: float) -> None:
         """The machine gave a sign of life. While a fate is being settled it does not count: the break goes on."""
-        if self.runner is not None and self.runner.linked and self._loop.time() - self._alive_at >= ALIVE_EVERY_S:
+        if now - self._alive_at >= ALIVE_EVERY_S and self.runner is not None and self.runner.linked:
             self.alive()
 
     def alive(self) -> None:

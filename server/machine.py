@@ -18,6 +18,7 @@ from protocol.events import (
     BatchSent,
     CommandDone,
     Event,
+    FirmwareRead,
     LinkLost,
     LinkReady,
     MachineRestarted,
@@ -33,6 +34,7 @@ from protocol.machine import MachineState, reduce
 from server.clock import Clock, stamp
 from server.config import MachineConfig
 from server.dbthread import Db
+from server.grblconfig import GrblConfig
 from server.hub import Hub
 from server.jobstream import JobStream
 from server.link import Link
@@ -235,8 +237,9 @@ class Machine:
         """The engine may have become free: the job first, then what is asked by hand."""
         if self._link is None:
             return False
-        submitted = self.stream.react([])
-        return submitted or self.manual.offer(self._link.engine, self._loop.time())
+        if self.stream.offer():
+            return True
+        return self.manual.waiting and self.manual.offer(self._link.engine, self._loop.time())
 
     def _handle(self, event: Event) -> None:
         match event:
@@ -271,12 +274,21 @@ class Machine:
                 self._publish_state()
             case ToolRequested(number=number) if not self.stream.moving:
                 self._hub.publish("tool", self.name, {"tool": number, "job": None})
-            case Announced() | StartupBlockRun() | ProbeReported():
-                self._hub.publish("log", self.name, said(event))
-                if isinstance(event, ProbeReported):
-                    self.stream.note("probe", position=dict(event.position), succeeded=event.succeeded)
+            case FirmwareRead() | Announced() | StartupBlockRun() | ProbeReported():
+                self._tell(event)
             case _:
                 pass
+
+    def _tell(self, event: FirmwareRead | Announced | StartupBlockRun | ProbeReported) -> None:
+        """What changes nothing here, but people want to know."""
+        if isinstance(event, FirmwareRead):
+            dialect = self.config.dialect
+            if isinstance(dialect, GrblConfig) and (message := dialect.contradicted_by(event.flavour)) is not None:
+                self._hub.publish("log", self.name, {"level": "warning", "kind": "firmware", "message": message})
+            return
+        self._hub.publish("log", self.name, said(event))
+        if isinstance(event, ProbeReported):
+            self.stream.note("probe", position=dict(event.position), succeeded=event.succeeded)
 
     def _reduce(self, event: Event) -> None:
         before, self.state = self.state, reduce(self.state, event)
@@ -294,8 +306,8 @@ class Machine:
 
     def _seen(self, message: MessageSeen) -> None:
         if message.direction == "<":
-            self._last_life_at = self._loop.time()
-            self.stream.heard()
+            self._last_life_at = now = self._loop.time()
+            self.stream.heard(now)
         self._recorder.record(message, self._clock.now())
         self._hub.publish("console", self.name, self._recorder.newest)
 
