@@ -200,6 +200,8 @@ class Hub:
         self._seq += 1
         self.published[type] += 1
         kept = type not in (STATE, CONSOLE)
+        if not kept and not self._subscriptions:
+            return self._seq
         readers = [reader for reader in self._subscriptions if reader.wants(type, machine)]
         if not kept and not readers:
             return self._seq
