@@ -118,9 +118,20 @@ class Daemon:
         answer.raise_for_status()
         return str(answer.json()["id"])
 
-    async def run(self, program: str) -> int:
+    @property
+    def pid(self) -> int:
+        """Of its process."""
+        return self._process.pid
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Where it listens."""
+        return self._http.base_url.host, self._http.base_url.port or 80
+
+    async def run(self, program: str, **options: Any) -> int:
         """Begin a job; its id."""
-        answer = await self._http.post("/jobs", json={"program": program, "machine": MACHINE, "force": True})
+        wanted = {"program": program, "machine": MACHINE, "force": True, **options}
+        answer = await self._http.post("/jobs", json=wanted)
         answer.raise_for_status()
         return int(answer.json()["id"])
 
@@ -151,12 +162,19 @@ class Daemon:
 @asynccontextmanager
 async def daemon(folder: Path, mill: Mill, *, baud: int = 115200, max_batch_blocks: int = 32) -> AsyncIterator[Daemon]:
     """The daemon, connected to `mill`; stopped at the end."""
-    config = folder / "millstream.toml"
-    config.write_text(
-        f'[server]\nport = 0\nlog_level = "warning"\ndata_dir = "{folder}"\n'
+    machine = (
         f'[[machine]]\nname = "{MACHINE}"\nport = "{mill.url}"\nbaud = {baud}\n'
         f"[machine.elvinto]\nmax_batch_blocks = {max_batch_blocks}\n"
     )
+    async with serving(folder, machine) as running:
+        yield running
+
+
+@asynccontextmanager
+async def serving(folder: Path, machine: str) -> AsyncIterator[Daemon]:
+    """The daemon with one `[[machine]]` of that text, connected; stopped at the end."""
+    config = folder / "millstream.toml"
+    config.write_text(f'[server]\nport = 0\nlog_level = "warning"\ndata_dir = "{folder}"\n{machine}')
     log = (folder / "daemon.log").open("wb")
     process = await asyncio.create_subprocess_exec(
         sys.executable,
