@@ -490,6 +490,33 @@ def test_the_machine_aborts_by_itself(asking: bool) -> None:
     assert alarm.alarm is not None
 
 
+def test_pressed_twice_it_is_one_emergency_stop() -> None:
+    scene = ready(7)
+    assert scene.press(EmergencyStop(1)) == STOP
+    assert scene.press(EmergencyStop(2)) == b""
+    scene.say("CAN")
+    scene.hush()
+    assert scene.take(CommandDone) == [CommandDone(1), CommandDone(2)]
+
+
+def test_the_hold_key_at_rest_is_a_state() -> None:
+    scene = ready(7)
+    scene.say("XOFF XOFF")
+    scene.say("XON")
+    assert scene.statuses() == ["hold", "idle"]
+    scene.press(FeedHold(1))
+    scene.press(CycleStart(2))
+    assert scene.statuses() == ["hold", "idle"]
+
+
+def test_in_alarm_xoff_changes_no_state() -> None:
+    scene = ready(7)
+    scene.say("CAN")
+    scene.log.clear()
+    scene.say("XOFF")
+    assert scene.statuses() == []
+
+
 # --- by hand ----------------------------------------------------------------------------------------------------------
 
 
@@ -508,6 +535,26 @@ def test_no_block_by_hand_is_sent_that_is_no_frame() -> None:
     assert "'X1.5'" in scene.take(CommandFailed)[0].message
     scene.by_hand()
     assert scene.take(CommandDone) == [CommandDone(2)]
+
+
+@pytest.mark.parametrize(("sent", "said"), [(True, "not known"), (False, "the link was lost")])
+def test_a_lost_link_answers_what_is_open_by_hand(sent: bool, said: str) -> None:
+    scene = ready(7)
+    if not sent:
+        scene.wait(1.5)  # so that the machine is asked first
+    scene.by_hand("X1")
+    scene.wait(60)
+    failed = scene.take(CommandFailed)[0]
+    assert failed.token == 1
+    assert said in failed.message
+    assert ("not known" in failed.message) == sent
+
+
+def test_a_lost_link_answers_a_question() -> None:
+    scene = ready(7)
+    scene.submit(Locate(1))
+    scene.wait(60)
+    assert [event.token for event in scene.take(CommandFailed)] == [1]
 
 
 def test_what_it_does_not_know() -> None:
