@@ -218,11 +218,17 @@ class IoControl(IoView):
         self._settle()
 
     def set_table(self, table: ToolTable | None, now: float) -> None:
-        """Another tool table. Raises LocalError while a tool is being prepared or changed."""
-        if self._handshake.busy:
-            raise LocalError("the tool table cannot be changed while a tool is being prepared or changed")
+        """Another tool table; pocket 0 of a random changer's is what is in the spindle. Raises LocalError while a tool
+        is being prepared or changed, and where it has another place for one that is prepared."""
+        prepared = self._handshake.prepared
+        moved = prepared is not None and table is not None and table.place(prepared.number) != prepared
+        if self._handshake.busy or moved:
+            raise LocalError("the tool table cannot be changed while one of its tools is prepared or changed")
         self._board.now = now
         self._handshake.table = table
+        if table is not None and table.random and table.in_spindle != self.tool:
+            self._handshake.set_tool(table.in_spindle)
+            self._board.emit(ToolSet(table.in_spindle))
 
     # --- inside ---------------------------------------------------------------------------------------------------
 
@@ -350,8 +356,8 @@ class IoControl(IoView):
         if line:
             reason = int(self._board[Pin.TOOLCHANGER_REASON])
             self._latch.set(reason)
-            late = self.state is State.PREPARING and self._handshake.wait.overdue
-            if (self.change_pending and not self._handshake.in_doubt) or late:
+            given_up = self.state is State.PREPARING and self._handshake.wait.overdue
+            if (self.change_pending and not self._handshake.in_doubt) or given_up:
                 both = self.state is State.CHANGING and self._level(Pin.TOOL_CHANGED) is True
                 self._handshake.abort_by_fault(reason, in_doubt=both)
         return True

@@ -30,7 +30,7 @@ from protocol.iocontrol.pins import Pin
 from protocol.iocontrol.requests import Change, Failure, Prepare, Requests
 from protocol.iocontrol.tables import HANDSHAKE, OPEN_STATES, STATE_PIN, Region, State, Trigger
 from protocol.iocontrol.texts import at
-from protocol.iocontrol.tooltable import Place, ToolTable
+from protocol.iocontrol.tooltable import NUMBER_MAX, Place, ToolTable
 from protocol.iocontrol.waiting import Wait
 
 UNKNOWN: Final = -1
@@ -91,7 +91,9 @@ class Handshake:
 
     def place(self, number: int) -> Place | None:
         """Where a tool is; without a table every number is a tool, in the pocket of its number."""
-        return Place(number, number, number) if self.table is None else self.table.place(number)
+        if self.table is not None:
+            return self.table.place(number)
+        return Place(number, number, number) if 0 <= number <= NUMBER_MAX else None
 
     def waiting(self) -> WaitingFor:
         what, tool = self._awaited()
@@ -218,14 +220,10 @@ class Handshake:
 
     def settle(self) -> None:
         """The person says that the tool in doubt is in the spindle."""
-        if self.state is State.ABORTING:  # the acknowledgement is still to come, the change is over all the same
-            self._board.next_step()
-            self._close(None)
-        elif self.state is State.DOUBTING:
-            self._board.next_step()
-            self._close(Trigger.SETTLED)
-        else:
-            raise LocalError("no tool is in doubt")
+        assert self._in_doubt
+        self._board.next_step()
+        # While the acknowledgement is still to come, the state waits for that; the change is over all the same.
+        self._close(Trigger.SETTLED if self.state is State.DOUBTING else None)
 
     def set_tool(self, number: int) -> None:
         """M61, or a person who says which tool it is."""

@@ -311,6 +311,6 @@ def test_whatever_comes_in_whichever_order() -> None:
     run_state_machine_as_test(  # type: ignore[no-untyped-call]
         Block,
         settings=settings(
-            max_examples=120, stateful_step_count=30, deadline=None, suppress_health_check=list(HealthCheck)
+            max_examples=100, stateful_step_count=25, deadline=None, suppress_health_check=list(HealthCheck)
         ),
     )

@@ -19,7 +19,8 @@ from protocol.iocontrol.events import (
     Transition,
 )
 from protocol.iocontrol.tables import State
-from tests.protocol.iocontrol.scene import RANDOM, Scene, changing, external, notation, prepared
+from protocol.iocontrol.tooltable import parse
+from tests.protocol.iocontrol.scene import RANDOM, TABLE, Scene, changing, external, notation, prepared
 
 PREP_5 = "tool-prep-number=5, tool-prep-pocket=12, tool-prep-index=2, tool-prepare^"
 PREP_0 = "tool-prep-number=0, tool-prep-pocket=0, tool-prep-index=0"
@@ -156,6 +157,7 @@ def test_a_second_m6_in_the_middle_of_one_is_a_fault_of_the_caller() -> None:
         scene.io.change(scene.tick())
     with pytest.raises(LocalError, match="pending"):
         scene.io.start_change(scene.tick())
+    assert scene.io.start_refusal == "a tool change is pending"
     assert scene.inputs(tool_changed=True).endswith(DONE_5)
 
 
@@ -270,6 +272,45 @@ def test_m61_of_a_random_changer_exchanges_pockets_too() -> None:
     assert scene.sequence() == "tool-number=7"
     (changed,) = scene.of(TableChanged)
     assert {tool.number: tool.pocket for tool in changed.table.tools} == {1: 3, 5: 12, 7: 0, 0: 4}
+
+
+# --- the table --------------------------------------------------------------------------------------------------
+
+
+def test_another_table_counts_from_the_next_t() -> None:
+    scene = external(table=None)
+    scene.io.set_table(TABLE, scene.tick())
+    assert scene.sequence() == ""
+    scene.io.prepare(5, scene.tick())
+    assert scene.sequence() == PREP_5
+
+
+def test_the_table_stays_while_one_of_its_tools_is_under_way() -> None:
+    scene = external()
+    scene.io.prepare(5, scene.tick())
+    with pytest.raises(LocalError, match="cannot be changed"):
+        scene.io.set_table(TABLE, scene.tick())
+    scene.inputs(tool_prepared=True)
+    with pytest.raises(LocalError, match="cannot be changed"):
+        scene.io.set_table(parse("T5 P3")[0], scene.tick())
+    scene.io.set_table(parse("T1 P1\nT5 P12 Z99")[0], scene.tick())  # its place is the same
+    scene.io.change(scene.tick())
+    assert scene.sequence().endswith("tool-change^")
+
+
+def test_pocket_0_of_a_random_changers_table_is_the_spindle() -> None:
+    scene = external(table=RANDOM)
+    scene.io.set_table(parse("T1 P12\nT5 P0\nT7 P3", random=True)[0], scene.tick())
+    assert scene.sequence() == "tool-number=5"
+    assert scene.ends == [ToolSet(5)]
+
+
+@pytest.mark.parametrize("number", [-1, 100_000, 2**40])
+def test_a_number_that_no_tool_has_is_refused_without_a_table_too(number: int) -> None:
+    scene = external(table=None)
+    scene.io.prepare(number, scene.tick())
+    scene.sequence()
+    assert [end.cause for end in scene.ends if isinstance(end, PrepareFailed)] == ["unknown_tool"]
 
 
 # --- abort ------------------------------------------------------------------------------------------------------
