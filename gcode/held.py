@@ -20,9 +20,6 @@ Offsets = Mapping[str, Mapping[str, float]]
 SYSTEM_NAMES = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 _HOMES = {"G28": 28, "G30": 30}
 
-_FORGOTTEN = ("G92", "TLO")
-"""A reset clears them (grbl II.4)."""
-
 _SKIPPED = frozenset(("stop", "length", "scaling", "path", "override"))
 """Groups whose word alone says nothing here: M0, M2 and M30 are under way, G43.1 has its length in `$#`."""
 _NOTHING = frozenset(("F0", "T0"))
@@ -51,12 +48,12 @@ class Held:
         return cls(tuple(data["modal"]), data["offsets"], data["position"])
 
     def again(self, now: "Held") -> "Held":
-        """This beginning once more, on a controller that holds `now`: it has forgotten modes, shift and tool length,
-        which are those of then; its systems and homes are those of now, for they may have been set anew since."""
+        """This beginning once more, on a controller that holds `now`: its systems are those of now, for they may have
+        been set anew since; modes, shift and tool length, which a reset forgets, and the homes are those of then."""
         if self.offsets is None or now.offsets is None:
             return self
-        kept = {name: at for name, at in now.offsets.items() if name not in _FORGOTTEN}
-        return Held(self.modal, kept | {n: at for n, at in self.offsets.items() if n in _FORGOTTEN}, self.position)
+        systems = {name: at for name, at in now.offsets.items() if name in SYSTEM_NAMES}
+        return Held(self.modal, {**self.offsets, **systems}, self.position)
 
 
 def state_of(held: Held, profile: Profile, *, assume: bool = False) -> State:

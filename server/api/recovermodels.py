@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from gcode.reentry import Purpose
 from jobs.reentry import MAX_BLOCKS
-from server.api.models import example, request_example
+from server.api.models import JobErrorView, example, request_example
 from server.reentryconfig import Clearance, PlungeFeed, ReentryWish, SpindleWait
 
 MAX_BLOCK_CHARS = 256
@@ -89,7 +89,15 @@ class WayView(BaseModel):
     spindle_wait: float
 
 
+Need = Literal["clearance", "operator_done", "force"]
+
 PLAN_EXAMPLE: dict[str, Any] = {
+    "job": 17,
+    "reason": {"code": "in_doubt", "message": "the link broke", "line_from": 601, "line_to": 612},
+    "restarted": False,
+    "position_expected": {"x": 10.0, "y": 4.0, "z": -2.0},
+    "position": {"x": 12.5, "y": 4.0, "z": -2.0},
+    "place": {"x": 10.0, "y": 4.0, "z": -2.0},
     "certain_line": 600,
     "line_from": 601,
     "line_to": 612,
@@ -106,12 +114,37 @@ PLAN_EXAMPLE: dict[str, Any] = {
 }
 
 
-class RecoverView(BaseModel):
-    """Without an action the plan; with one the job as it goes on.
+class PlanView(BaseModel):
+    """What is certain, what is in doubt, and what going on from `next_line` would do.
 
-    The plan: `next_line` is the line that it is for, `line_why_not` why going on from there is refused, `blocks` what
-    would go out first. `steps`, `takes_over` (so many lines of the rest are said by the plan itself), `warnings` and
-    `way` only where the controller is taken up by a plan. `needs`: what a request for this line has to say besides.
+    `line_why_not`: why going on from there is refused. `blocks`: what would go out first. `steps`, `takes_over` (so
+    many lines of the rest are said by the plan itself), `warnings`, `place` (where the path goes on, mm) and `way` only
+    where the controller is taken up by a plan. `needs`: what a request for this line has to say besides.
     """
+
+    model_config = example(**PLAN_EXAMPLE)
+    job: int
+    certain_line: int
+    line_from: int | None
+    line_to: int | None
+    reason: JobErrorView | None
+    restarted: bool
+    position_expected: dict[str, float]
+    position: dict[str, float]
+    can_continue: bool
+    why_not: str | None
+    next_line: int
+    line_why_not: str | None
+    blocks: list[str]
+    steps: list[StepView]
+    takes_over: int
+    warnings: list[str]
+    place: dict[str, float]
+    needs: list[Need]
+    way: WayView | None
+
+
+class RecoverView(BaseModel):
+    """Without an action the plan (the example); with one the job as it goes on."""
 
     model_config = example(**PLAN_EXAMPLE)

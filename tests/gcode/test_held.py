@@ -73,9 +73,10 @@ def test_it_is_the_same_after_a_while_in_the_history() -> None:
         assert Held.from_json(held.to_json()) == held
 
 
-def test_a_beginning_once_more_has_its_own_shift_and_the_systems_of_now() -> None:
-    began = Held(("G91",), {"G54": {"x": 1.0}, "G92": {"x": 5.0}, "TLO": {"z": 2.0}}, {"x": 3.0})
-    now = Held(AT_RESET, {"G54": {"x": 9.0}, "G92": {"x": 0.0}, "TLO": {"z": 0.0}}, {"x": 0.0})
-    offsets = {"G54": {"x": 9.0}, "G92": {"x": 5.0}, "TLO": {"z": 2.0}}
-    assert began.again(now) == Held(("G91",), offsets, {"x": 3.0})
+def test_a_beginning_once_more_has_its_own_shift_and_homes_and_the_systems_of_now() -> None:
+    then = {"G54": {"x": 1.0}, "G28": {"x": 7.0}, "G92": {"x": 5.0}, "TLO": {"z": 2.0}}
+    here = {"G54": {"x": 9.0}, "G28": {"x": 8.0}, "G92": {"x": 0.0}, "TLO": {"z": 0.0}}
+    began, now = Held(("G91",), then, {"x": 3.0}), Held(AT_RESET, here, {"x": 0.0})
+    # A home that the program has stored (G28.1) was not that home before.
+    assert began.again(now) == Held(("G91",), then | {"G54": {"x": 9.0}}, {"x": 3.0})
     assert began.again(Held()) == began
