@@ -13,7 +13,6 @@ from math import isfinite, isnan
 from gcode.executor import Note
 from gcode.ncframe.arcs import Lattice, pieces
 from gcode.ncframe.frame import BlockLine, Frame, Pending, Stop
-from gcode.ncframe.items import Items
 from gcode.ncframe.offset import Offset
 from gcode.ncframe.rates import RateError, feed_byte, speed_byte
 from gcode.ncframe.rules import FrameRules
@@ -86,46 +85,45 @@ class BlockWriter:
         rows = pending.rows
         if not self._offset.apply(pending.values, [row.kind for row in rows]):
             pending.note("compensation", "the tool's offset begins and ends with a straight move, not with an arc")
-        effects = {code.name: code.effect for code in pending.codes}
-        names = [code.name for code in pending.codes if code.name.startswith("M")]
-        before = [name for name in names if effects[name] in _BEFORE]
-        behind = [name for name in names if effects[name] in _BEHIND]
-        others = [name for name in names if name not in before and name not in behind]
-        frames = [self._stop(pending, name, with_rates=False) for name in before]
-        frames += [self._frame(pending, Items(m=_number(name)), speed=True) for name in others[:-1]]
+        codes = [code for code in pending.codes if code.name.startswith("M")]
+        frames = self._around(pending, codes) if codes else self._motion(pending, None) or self._still(pending)
+        for frame in frames:
+            for letter, message in frame.items.faults():
+                unit = f" (counts of {self._rules.resolution_mm:g} mm)" if letter in "XZR" else ""
+                pending.note("frame_range", message + unit, letter)
+        return frames
+
+    def _around(self, pending: Pending, codes: list[Code]) -> list[Frame]:
+        """A block with M codes: what goes before its motion, with it, and behind it."""
+        before = [code for code in codes if code.effect in _BEFORE]
+        behind = [code for code in codes if code.effect in _BEHIND]
+        others = [code for code in codes if code.effect not in _BEFORE and code.effect not in _BEHIND]
+        frames = [self._stop(pending, code, with_rates=False) for code in before]
+        frames += [self._alone(pending, code) for code in others[:-1]]
         main = self._motion(pending, _number(others[-1]) if others else None)
         if main or not behind:
             frames += main or self._still(pending)
-        frames += [self._stop(pending, name, with_rates=True) for name in behind]
-        for frame in frames:
-            for letter, message in frame.items.faults():
-                pending.note("frame_range", message + self._counted(letter), letter)
-        return frames
-
-    def _counted(self, letter: str) -> str:
-        return f" (counts of {self._rules.resolution_mm:g} mm)" if letter in "XZR" else ""
+        return frames + [self._stop(pending, code, with_rates=True) for code in behind]
 
     # --- frames without motion --------------------------------------------------------------------------------------
 
-    def _frame(self, pending: Pending, items: Items, *, speed: bool = False) -> Frame:
-        """An M code by itself, with T, and with S where that belongs before what follows."""
-        s = self._speed(pending) if speed else None
-        made = self.memory.items(m=items.m, s=s, t=self._tool(pending))
+    def _alone(self, pending: Pending, code: Code) -> Frame:
+        """An M code by itself; T and S go with the first, for the spindle may start there."""
+        made = self.memory.items(m=_number(code), s=self._speed(pending), t=self._tool(pending))
         return Frame(int(pending.line), made, self.place)
 
-    def _stop(self, pending: Pending, name: str, *, with_rates: bool) -> Frame:
+    def _stop(self, pending: Pending, code: Code, *, with_rates: bool) -> Frame:
         """A code that nothing may overtake. Behind it, somebody else may have been at the machine."""
-        code = next(code for code in pending.codes if code.name == name)
         if with_rates:
             made = self.memory.items(
                 g=None if pending.rows else self._mode(pending),
-                m=_number(name),
+                m=_number(code),
                 f=self._feed_now(pending),
                 s=self._speed(pending),
                 t=self._tool(pending),
             )
         else:
-            made = self.memory.items(m=_number(name), t=self._tool(pending))
+            made = self.memory.items(m=_number(code), t=self._tool(pending))
         changes_tool = code.effect in _BEFORE
         stop = Stop(code.locate, code.effect == "program_end", changes_tool)
         self.memory.forget(tool=not changes_tool)
@@ -293,6 +291,6 @@ class _Steps:
     share: float = 1.0
 
 
-def _number(name: str) -> int:
+def _number(code: Code) -> int:
     """M30 is 30."""
-    return int(float(name[1:]))
+    return int(float(code.name[1:]))

@@ -3,7 +3,6 @@
 The one rule: a frame whose items do not all fit into their bytes is never given out; `faults` says what does not fit.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 CODES = (0, 99)
@@ -34,15 +33,13 @@ class Items:
     s: int | None = None
     t: int | None = None
 
-    def present(self) -> Iterator[tuple[str, int]]:
+    def present(self) -> list[tuple[str, int]]:
         """Letter and value of all that is in the frame, in the frame's order."""
         values = (self.g, self.m, self.x, self.z, self.r, self.f, self.s, self.t)
-        for letter, value in zip(RANGES, values, strict=True):
-            if value is not None:
-                yield letter, value
+        return [(letter, value) for letter, value in zip(RANGES, values, strict=True) if value is not None]
 
     def __bool__(self) -> bool:
-        return any(True for _ in self.present())
+        return bool(self.present())
 
     def text(self) -> str:
         """As a block of a job: `G0 M3 X40000 Z165000 F50 S7 T33`."""

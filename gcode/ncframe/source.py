@@ -23,9 +23,6 @@ _TOKEN = re.compile(rb"\([^)]*\)?|,|;|(?<![A-Za-z])[Ll][Ff](?![^\s,;])")
 def blocks_of_lines(lines: Iterable[tuple[int, bytes]], semicolon: Semicolon) -> Iterator[tuple[int, bytes]]:
     """The same lines, as many blocks as they have, each with the number of its line."""
     for number, raw in lines:
-        if _SPECIAL.search(raw) is None:
-            yield number, raw
-            continue
         for block in blocks_of_line(raw, semicolon):
             yield number, block
 
@@ -35,6 +32,9 @@ def blocks_of_line(raw: bytes, semicolon: Semicolon) -> Iterator[bytes]:
 
     A line that begins with `;` is a remark: no block has begun that it could end.
     """
+    if _SPECIAL.search(raw) is None:
+        yield raw
+        return
     if b";@" in raw and source_line(raw) is not None:
         # An expanded program: the mark says where the line came from, and is no block.
         raw = raw[: raw.rindex(b";@")].rstrip()

@@ -38,8 +38,8 @@ class _Words:
     codes: list[Code] = field(default_factory=list)
     values: dict[str, float] = field(default_factory=dict)
 
-    def effects(self) -> frozenset[str]:
-        return frozenset(code.effect for code in self.codes)
+    def has(self, effect: str) -> bool:
+        return any(code.effect == effect for code in self.codes)
 
 
 class Translator:
@@ -162,12 +162,13 @@ class Translator:
 
     def _guard(self, pending: Pending, words: _Words) -> None:
         """What the interpreter lets pass, as it does not know how this machine is made."""
-        state, effects = self.state, words.effects()
+        state = self.state
         tool = words.values.get("T")
         if state.compensation != _OFF and tool is not None and int(tool) != state.selected:
             pending.note("compensation", "T while compensation is on: the tool cannot be changed", "T")
-        absolute = "absolute" in effects or (state.absolute is True and "relative" not in effects)
-        if not self._unset or not absolute or "set_position" in effects:
+        if not self._unset or words.has("set_position"):
+            return
+        if not words.has("absolute") and (state.absolute is not True or words.has("relative")):
             return
         for row in sorted(self._unset):
             axis = state.axes[row]
@@ -180,7 +181,7 @@ class Translator:
     def _locate(self, words: _Words, before: list[float]) -> None:
         """G92 says where an axis stands; a change to coordinates whose zero nobody has told says that nobody knows."""
         state = self.state
-        if "set_position" in words.effects():
+        if self._unset and words.has("set_position"):
             self._unset -= {row for row, axis in enumerate(state.axes) if axis in words.values}
         if any(map(isnan, state.position)):
             self._unset |= {row for row, value in enumerate(state.position) if isnan(value)}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bench import instant, memory, reading, streaming, toolpath, wire
+from bench import frames, instant, memory, reading, streaming, toolpath, wire
 from bench.__main__ import NAMES, main
 from bench.programs import as_bytes, raster, relief
 from bench.reader import KINDS
@@ -48,6 +48,15 @@ def test_both_writings_of_a_relief_cost_the_same_on_the_wire_when_compact() -> N
     lines = [[line.encode() for line in relief(2, 300, wordy=wordy)] for wordy in (True, False)]
     wordy, modal = (wire.wire_bytes(program, compact=True) for program in lines)
     assert wordy[0] == pytest.approx(modal[0], rel=0.02)
+
+
+def test_frames_are_a_third_of_the_text_and_every_program_translates() -> None:
+    report = frames.run(lines=300)
+    assert len(report.groups) == 3
+    for heading, _ in report.groups:
+        assert report.value(heading, "frames / text") < 0.45
+        assert 0.5 < report.value(heading, "frames / text with compact") < 0.75
+        assert 0.9 < report.value(heading, "frames a line") < 1.2
 
 
 @pytest.mark.real
