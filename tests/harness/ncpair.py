@@ -23,6 +23,7 @@ from protocol.events import (
     MessageSeen,
     StateReported,
 )
+from protocol.ncframe.codec import ACK, NAK
 from protocol.ncframe.dialect import Dialect
 from protocol.ncframe.engine import NcFrameEngine
 from sim.faults import FaultRates, HostileWire
@@ -37,10 +38,10 @@ HELD_MOST_S = 20.0
 
 @dataclass(frozen=True)
 class Mishap:
-    """Something that befalls the pair at `at` seconds."""
+    """Something that befalls the pair at `at` seconds; `ack`, `nak`: a byte reaches the host that nobody said."""
 
     at: float
-    kind: Literal["unplug", "restart", "hold", "panic"]
+    kind: Literal["unplug", "restart", "hold", "panic", "ack", "nak"]
     lasts_s: float = 0.0
 
 
@@ -166,6 +167,8 @@ class NcPair:
                 case "hold":
                     self.lathe.hold(self.now)
                     self._release_at = self.now + mishap.lasts_s
+                case "ack" | "nak" if self.engine is not None:
+                    self.engine.receive_data(bytes([ACK if mishap.kind == "ack" else NAK]), self.now)
                 case "unplug":
                     self._unplugged_until = self.now + mishap.lasts_s
                     self._disconnect(mishap.lasts_s)

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from random import Random
+from typing import Literal
 
 import pytest
 
@@ -124,6 +125,30 @@ def test_noise_where_the_machine_counts() -> None:
         outcomes[run.outcome] += 1
     assert outcomes["completed"] >= 35
     assert outcomes["misread"] <= 2
+
+
+def lies(seed: int, kinds: tuple[Literal["ack", "nak"], ...]) -> list[Mishap]:
+    random = Random(seed)
+    return [Mishap(random.uniform(0.3, 8), random.choice(kinds)) for _ in range(12)]
+
+
+@FRAMING
+def test_answers_that_nobody_gave_are_found_out_by_the_count(framing: str) -> None:
+    """The frames run for long, so most of the lies fall into one."""
+    for seed in range(40):
+        sim = {"speed_factor": 0.1, "start_count": 7}
+        run = pair(seed, framing=framing, parts=3, mishaps=lies(seed, ("ack", "nak")), sim=sim, expected_s=20.0).run()
+        run.verify()
+        assert run.outcome == "completed", seed
+
+
+def test_a_nak_that_nobody_said_is_a_doubt_without_a_counter_and_never_a_second_execution() -> None:
+    outcomes: Counter[str | None] = Counter()
+    for seed in range(40):
+        run = pair(seed, counter=False, parts=3, mishaps=lies(seed, ("nak",)), sim={"speed_factor": 0.1}).run()
+        run.verify()
+        outcomes[run.outcome] += 1
+    assert outcomes["interrupted"] > 20
 
 
 @pytest.mark.slow
