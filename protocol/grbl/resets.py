@@ -150,7 +150,8 @@ class Resets(Traffic):
         self._fail_batches(reason, code, message, parked=parked)
         self._forget(message)
         self._lane.put(SOFT_RESET)
-        self._position_kept = self._alarm is None or self._alarm_kept_position
+        # Asleep the motors are without current; Grbl itself wakes up in alarm.
+        self._position_kept = self._status != "sleep" and (self._alarm is None or self._alarm_kept_position)
         self._phase = Phase.RESETTING
         self._reset_tries = 1
         self._due["phase"] = now + self._dialect.reset_wait_s

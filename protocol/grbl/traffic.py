@@ -21,6 +21,7 @@ from protocol.events import (
     LineRefused,
     MessageSeen,
     ProtocolFault,
+    StateReported,
     Status,
 )
 from protocol.grbl import asking, codes
@@ -180,8 +181,11 @@ class Traffic(ABC):
         if errand.batch is not None and errand.sent == 0:
             self._emit(BatchSent(errand.batch.id, 1))
         errand.sent += 1
-        if errand.request is not None and errand.request.jog:
-            self._jogging = True
+        if errand.request is not None:
+            self._jogging |= errand.request.jog
+            if errand.request.homing:  # while it homes it says nothing of itself (II.2)
+                self._status = "home"
+                self._emit(StateReported("home", {}, frame="machine"))
         if line.tool is not None:
             self._tool = line.tool
         self._events.append(MessageSeen(">", line.text))

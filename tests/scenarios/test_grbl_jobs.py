@@ -385,6 +385,7 @@ def test_jogs_home_and_unlock_by_hand(tmp_path: Path) -> None:
             await router.jog({"x": 1.0}, 600)
         assert locked.value.code == "alarm_active"
         await router.home()
+        assert router.state.status == "home", "the controller itself says nothing while it homes"
         await until(lambda: router.state.homed is True and router.state.status == "idle", within_s=120.0)
         before = bench.machine.position["X"]
         await router.jog({"x": -5.0}, 600)
