@@ -12,8 +12,10 @@ import sqlite3
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 from sqlite_utils import Database
@@ -90,26 +92,27 @@ def in_transaction(db: Database, fn: Callable[[Database], T]) -> T:
     return result
 
 
-@dataclass(slots=True)
-class _Shared:
-    """What both threads touch, under `wake`."""
-
-    wake: threading.Condition = field(default_factory=threading.Condition)
-    waiting: deque[_Post | _Run] = field(default_factory=deque)
-    due: bool = False
-    """Somebody waits for something of `waiting`, or it has waited long enough."""
-    closing: bool = False
-    trouble: str | None = None
+_Lot = list[_Post | _Run]
+"""What is handed to the thread at once."""
 
 
 class DbThread:
-    """The writer thread. Made on the loop's thread; `close` ends it after everything posted is durable."""
+    """The writer thread. Made on the loop's thread; `close` ends it after everything posted is durable.
+
+    The queue is all that both threads touch, and the thread sleeps at it: what lingers stays with the loop, what was
+    handed over belongs to the thread.
+    """
 
     def __init__(self, path: Path, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._shared = _Shared()
+        self._queue: SimpleQueue[_Lot | None] = SimpleQueue()
+        """None: nothing more comes."""
+        self._lingering: _Lot = []
         self._alarm: asyncio.Handle | None = None
         self._hurried = False
+        self._waiting: deque[_Post | _Run] = deque()
+        self._closing = False
+        self._trouble: str | None = None
         self._db = Database(sqlite3.connect(path, check_same_thread=False))
         prepare(self._db)
         self._thread = threading.Thread(target=self._main, name="database", daemon=True)
@@ -117,46 +120,43 @@ class DbThread:
 
     @property
     def trouble(self) -> str | None:
-        return self._shared.trouble
+        return self._trouble
 
     async def run(self, fn: Callable[Concatenate[Database, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
         future: asyncio.Future[T] = self._loop.create_future()
-        with self._shared.wake:
-            self._shared.waiting.append(_Run(lambda db: fn(db, *args, **kwargs), future))
-        self._wake()
+        self._lingering.append(_Run(lambda db: fn(db, *args, **kwargs), future))
+        self._hand_over()
         return await future
 
     def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
-        with self._shared.wake:
-            self._shared.waiting.append(_Post(fn, args, then))
+        self._lingering.append(_Post(fn, args, then))
         if then is not None and not self._hurried:
             # Not before this step of the loop has ended: all that it posts is one transaction.
             self._quiet()
             self._hurried = True
-            self._alarm = self._loop.call_soon(self._wake)
+            self._alarm = self._loop.call_soon(self._hand_over)
         elif self._alarm is None:
-            self._alarm = self._loop.call_later(LINGER_S, self._wake)
+            self._alarm = self._loop.call_later(LINGER_S, self._hand_over)
 
     async def close(self) -> None:
         """Everything posted is written (or given up, when it cannot be), then the thread ends."""
-        self._quiet()
-        with self._shared.wake:
-            self._shared.closing = True
-            self._shared.wake.notify()
+        self._hand_over()
+        self._queue.put(None)
         await asyncio.to_thread(self._thread.join)
         self._db.close()
 
-    def _wake(self) -> None:
+    def _hand_over(self) -> None:
         self._quiet()
-        with self._shared.wake:
-            self._shared.due = True
-            self._shared.wake.notify()
+        lot, self._lingering = self._lingering, []
+        self._queue.put(lot)
 
     def _quiet(self) -> None:
         self._hurried = False
         if self._alarm is not None:
             self._alarm.cancel()
             self._alarm = None
+
+    # --- in the thread ----------------------------------------------------------------------------------------
 
     def _main(self) -> None:
         while (work := self._take()) is not None:
@@ -167,25 +167,32 @@ class DbThread:
 
     def _take(self) -> _Run | list[_Post] | None:
         """The next request, or the next posted functions up to it; None at the end."""
-        shared = self._shared
-        with shared.wake:
-            while not (shared.waiting and (shared.due or shared.closing)):
-                if shared.closing:
-                    return None
-                shared.due = False
-                shared.wake.wait()
-            group: list[_Post] = []
-            while shared.waiting and len(group) < GROUP:
-                head = shared.waiting[0]
-                if isinstance(head, _Run):
-                    return group or self._pop_run()
-                group.append(head)
-                shared.waiting.popleft()
-            shared.due = bool(shared.waiting)
-            return group
+        waiting = self._waiting
+        while not waiting and not self._closing:
+            self._receive(self._queue.get())
+        self._receive_all()
+        group: list[_Post] = []
+        while waiting and len(group) < GROUP:
+            head = waiting[0]
+            if isinstance(head, _Run):
+                return group or self._pop_run()
+            group.append(head)
+            waiting.popleft()
+        return group or None
+
+    def _receive(self, lot: _Lot | None) -> None:
+        if lot is None:
+            self._closing = True
+        else:
+            self._waiting.extend(lot)
+
+    def _receive_all(self) -> None:
+        """Whatever has been handed over by now: it goes into the same transaction."""
+        while not self._queue.empty():
+            self._receive(self._queue.get())
 
     def _pop_run(self) -> _Run:
-        run = self._shared.waiting.popleft()
+        run = self._waiting.popleft()
         assert isinstance(run, _Run)
         return run
 
@@ -212,7 +219,7 @@ class DbThread:
                 if not self._stuck(error):
                     return
                 continue
-            self._shared.trouble = None
+            self._trouble = None
             for post in group:
                 if post.then is not None:
                     self._call(post.then)
@@ -220,17 +227,17 @@ class DbThread:
 
     def _stuck(self, error: Exception) -> bool:
         """Wait for better times, and send those away who could not wait; False when the daemon ends."""
-        shared = self._shared
-        if shared.trouble != str(error):
+        if self._trouble != str(error):
             log.error("The database cannot be written; the journal stands still", exc_info=error)
-        shared.trouble = str(error)
-        with shared.wake:
-            for item in [item for item in shared.waiting if isinstance(item, _Run)]:
-                shared.waiting.remove(item)
-                self._resolve(item, None, ProblemError("disk_full", f"The database cannot be written: {error}"))
-            if shared.closing:
-                return False
-            shared.wake.wait(RETRY_S)
+        self._trouble = str(error)
+        self._receive_all()
+        for item in [item for item in self._waiting if isinstance(item, _Run)]:
+            self._waiting.remove(item)
+            self._resolve(item, None, ProblemError("disk_full", f"The database cannot be written: {error}"))
+        if self._closing:
+            return False
+        with suppress(Empty):
+            self._receive(self._queue.get(timeout=RETRY_S))
         return True
 
     def _resolve(self, run: _Run, result: Any, error: Exception | None) -> None:
