@@ -34,6 +34,10 @@ EARLY: Final = 0.25
 OF_THE_WIRE: Final = 0.9
 """Of the time that a frame takes on the line: before it no answer to the frame can be on its way."""
 
+HIGHEST_AFTER_RESTART: Final = 1
+"""What a machine can count that has restarted unnoticed: 0, or 1 when the frame on its way came behind the restart.
+Where that is what it had counted before, it proves nothing."""
+
 
 class Flights(Exchange):
     """What is in flight, at most one batch or one command by hand."""
@@ -164,18 +168,15 @@ class Flights(Exchange):
         assert flight is not None
         assert count is not None
         assert self._counted is not None
-        heard_of = flight.acked or flight.refused or inquiry.naks > 0
-        if count == 0 and not heard_of:
-            # So counts a machine that was switched on just now; that it was at 0 before proves nothing either.
-            self._restarted_or_doubt(count, now)
-        elif count == (self._counted + 1) % COUNT_MODULUS:
+        refused = (flight.refused or inquiry.naks > 0) and not flight.acked
+        if count == (self._counted + 1) % COUNT_MODULUS and (count or flight.acked):
             self._executed(flight, now)
         elif count != self._counted:
             self._miscounted(count, now)
-        elif flight.acked and count == 0:
-            self._doubt("the machine said ACK and counts 0 frames", now)
-        else:
+        elif count > HIGHEST_AFTER_RESTART or refused:
             self._again(flight, now)
+        else:
+            self._doubt(f"the machine counts {count} as before: it may as well have restarted since", now)
 
     def _on_listened(self, inquiry: Inquiry, _: int | None, now: float) -> None:
         """LISTEN: the frame's own answers and the one ACK of ENQ."""
@@ -270,12 +271,6 @@ class Flights(Exchange):
             self._go_idle(now)
         else:
             self._doubt(f"the machine counts {count} frames, and {self._counted} were executed for this daemon", now)
-
-    def _restarted_or_doubt(self, count: int, now: float) -> None:
-        if self._counted == 0:
-            self._doubt("the machine counts 0 frames: it has not executed the first one, or has restarted since", now)
-        else:
-            self._miscounted(count, now)
 
     def _restarted(self, evidence: str, now: float) -> None:
         """Position and modes are lost, and what ran when the power went is in doubt."""

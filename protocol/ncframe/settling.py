@@ -1,8 +1,8 @@
 """What a new epoch inherits: batches whose end is not in the journal, told by the machine's count. Third layer.
 
 Where the machine counts, a batch's ID is the number of its first frame, so the count tells of every open batch whether
-it was executed, not at all, or up to which frame. The one rule: a count of 0 proves nothing, and without a counter
-nothing is proven.
+it was executed, not at all, or up to which frame. The one rule: what a machine that has restarted could count as well
+proves nothing, and without a counter nothing is proven.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from protocol.events import (
 )
 from protocol.ncframe.codec import COUNT_MODULUS, Frame
 from protocol.ncframe.dialect import Dialect
-from protocol.ncframe.flights import Flights
+from protocol.ncframe.flights import HIGHEST_AFTER_RESTART, Flights
 from protocol.ncframe.phases import Flight, Inquiry, Reason
 
 NO_COUNTER = "the machine counts no frames: whether those that were on their way were executed cannot be found out"
@@ -48,8 +48,6 @@ def share(batches: tuple[SendBatch, ...], count: int) -> Share | None:
     A batch whose ID does not follow from the one before was written down and never sent.
     """
     left = (count - (batches[0].id - 1)) % COUNT_MODULUS
-    if count == 0 and left:
-        return None
     done = 0
     for number, batch in enumerate(batches):
         if number and (batch.id - batches[0].id) % COUNT_MODULUS != sum(len(b.blocks) for b in batches[:number]):
@@ -85,12 +83,11 @@ class Settling(Flights):
             self._standing = {} if ids else work.start
         elif not ids:
             self._nothing_open(count, work.start)
-        elif count == 0 and ids[0] == 1:
-            why = "the machine counts 0 frames: it has executed none of the open ones, or has restarted since"
-            self._standing = {}
-            self._emit(FateInDoubt((), ids, why))
         elif (shared := share(work.batches, count)) is None:
             self._unshared(count, ids)
+        elif count <= HIGHEST_AFTER_RESTART:
+            self._standing = {}
+            self._emit(FateInDoubt((), ids, f"the machine counts {count}: it may as well have restarted since"))
         else:
             self._settle(work, shared, now)
             return

@@ -311,6 +311,30 @@ def test_a_count_of_0_proves_nothing_of_the_first_frame() -> None:
     assert scene.engine.free() == 1
 
 
+@pytest.mark.parametrize("words", ["ACK", ""])
+def test_a_count_of_1_proves_nothing_of_the_second_frame(words: str) -> None:
+    """The machine may have restarted before the frame and executed it since: then it counts 1 again."""
+    scene = ready(1)
+    scene.batch("X1")
+    scene.say(words)
+    sent = scene.wait(3.1 if not words else 0.0)
+    for _ in range(2):
+        scene.say("ACK 1")
+        sent += scene.hush()
+    assert X1 not in sent
+    assert len(scene.take(FateInDoubt)) == 1
+
+
+def test_a_count_of_2_does() -> None:
+    scene = ready(2)
+    scene.batch("X1")
+    scene.wait(3.1)
+    scene.say("ACK 2")
+    scene.hush()
+    scene.say("ACK 2")
+    assert scene.hush() == X1
+
+
 def test_but_nak_does() -> None:
     scene = ready(0)
     scene.batch("X1")

@@ -232,6 +232,18 @@ def test_restarts_where_the_machine_counts(rate: float) -> None:
     assert interrupted > 80
 
 
+@pytest.mark.slow
+def test_restarts_and_breaks_together_right_behind_power_on() -> None:
+    """The first frames of all, where a restarted machine may count what it had counted before."""
+    for seed in range(150):
+        random = Random(seed)
+        kinds = [random.choice(("restart", "restart", "unplug")) for _ in range(random.randint(1, 3))]
+        mishaps = [Mishap(random.uniform(0.25, 0.6), kind, random.choice((0.0, 0.3))) for kind in kinds]  # type: ignore[arg-type]
+        sim = {"boot_s": random.choice((0.001, 0.05)), "start_count": random.choice((0, 1)), "speed_factor": 0.3}
+        run = pair(seed, mishaps=mishaps, rates=hostile(seed), parts=3, sim=sim).run()
+        run.verify()
+
+
 def test_a_restart_without_a_counter_is_in_doubt_when_a_frame_was_on_its_way() -> None:
     for seed in range(20):
         run = pair(seed, counter=False, mishaps=[Mishap(0.6, "restart")], sim={"boot_s": 0.01}).run()

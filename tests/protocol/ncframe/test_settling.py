@@ -59,7 +59,8 @@ def test_over_the_wrap_of_the_count() -> None:
     last = batch(2**32, "X1", "X2")
     assert share((last,), 2**32 - 1) == Share(0, 0)
     assert share((last,), 1) == Share(1, 0)
-    assert share((last,), 0) is None  # the first of the two is executed, or the machine has restarted
+    assert share((last,), 0) == Share(0, 1)
+    assert share((last,), 2) is None
 
 
 def test_a_row_that_was_never_sent_counts_for_nothing() -> None:
@@ -110,11 +111,14 @@ def test_a_count_ahead_is_a_doubt() -> None:
     assert news[1].doubtful == (8, 11)
 
 
-def test_a_count_of_0_proves_nothing_of_the_first_batch() -> None:
-    _, news = settle([batch(1, "X1")], 0)
+@pytest.mark.parametrize(("id", "count"), [(1, 0), (1, 1), (2, 1), (2**32, 0), (2**32, 1)])
+def test_what_a_restarted_machine_could_count_as_well_proves_nothing(id: int, count: int) -> None:
+    """0, and 1 where the frame on its way came behind the restart: whichever frame that was."""
+    _, news = settle([batch(id, "X1", "X2", "X3")], count, move_until=5.0)
     assert isinstance(news[1], FateInDoubt)
+    assert news[1].doubtful == (id,)
     assert not any(isinstance(event, MachineRestarted) for event in news)
-    assert settle([batch(1, "X1")], 1)[1][1] == FateSettled((1,), (), {"x": 0.0})
+    assert settle([batch(1, "X1", "X2")], 2)[1][1] == FateSettled((1,), (), {"x": 0.0})
 
 
 def test_nothing_was_open() -> None:
