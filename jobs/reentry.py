@@ -10,6 +10,7 @@ from itertools import chain, islice
 from math import isnan
 
 from gcode.check.words import judge
+from gcode.clean import clean
 from gcode.entry import AHEAD_BLOCKS
 from gcode.held import SYSTEM_NAMES, Held, state_of
 from gcode.interpreter import Interpreter
@@ -128,8 +129,8 @@ def _faults(block: Block, profile: Profile) -> Iterator[str]:
     yield from (fault.message for fault in block.faults)
     if not block.words:
         yield "there is nothing in it to send"
-    if len(block.text) > profile.max_block_bytes:
-        yield f"it has {len(block.text)} characters, the machine takes {profile.max_block_bytes}"
+    if (size := len(clean(block))) > profile.max_block_bytes:
+        yield f"it has {size} characters, the machine takes {profile.max_block_bytes}"
     for word in block.words:
         is_code = word.letter in profile.code_letters
         verdict = judge(profile, word.code if is_code else word.letter)

@@ -177,6 +177,7 @@ class JobService:
             source, program = program_id, await self._programs.expanded(program)
             _refuse_lines_of_source(program, start_line, end_line)
         first, last = _lines(program, start_line, end_line)
+        self._starter.check_line(machine, first)
         if not force:
             _refuse_warnings(report)
         fields = {

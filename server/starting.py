@@ -29,8 +29,8 @@ from server.controller import Controller
 from server.dbthread import Db
 from server.estimates import Estimates
 from server.hub import Hub
-from server.modes import STARTED_IN, held_by
-from server.plans import Plan, Planning, Workpiece
+from server.modes import STARTED_IN, began_in, held_by
+from server.plans import NO_CLEARANCE, Plan, Planning, Workpiece
 from server.problems import ProblemError
 from server.views import job_view
 from server.worker import Worker
@@ -88,6 +88,12 @@ class Starter:
         self._clock = clock
         self._background = background
         self._estimates = estimates
+
+    def check_line(self, machine: str, line: int) -> None:
+        """Raises ProblemError where a job could not begin at this line, whatever its program."""
+        piece = self.pieces[machine]
+        if line > 1 and piece.reentry is not None and piece.reentry.clearance is None:
+            raise ProblemError("invalid_request", f"{NO_CLEARANCE} of {machine}.")
 
     async def start(self, controller: Controller, row: Row) -> bool:
         """Plan the program and begin. The machine is reserved for this job. False: it does not wait any more."""
@@ -237,7 +243,8 @@ class Starter:
         """What comes after the open rows. Reading a long program takes longer than settling their fate."""
         piece = self.pieces[controller.name]
         try:
-            planner = await self.worker.run(self.planning.go_on, piece, row, line=line)
+            began = await began_in(self._db, row)
+            planner = await self.worker.run(self.planning.go_on, piece, row, line=line, began=began)
         except UNSTARTABLE as error:
             runner.unreadable(str(error))
         else:

@@ -212,15 +212,29 @@ def test_a_new_job_may_begin_in_the_middle(tmp_path: Path) -> None:
     told(tmp_path, story, reentry={"clearance": 15.0})
 
 
-def test_a_new_job_in_the_middle_without_a_clearance_says_what_is_missing(tmp_path: Path) -> None:
+def test_a_new_job_in_the_middle_without_a_clearance_is_no_job(tmp_path: Path) -> None:
     async def story(bench: GrblBench, client: httpx.AsyncClient, _router: Controller) -> None:
-        job = await bench.job(PROGRAM, start_line=60)
-        view = await bench.status(job["id"], "failed")
-        assert view["error"]["code"] == "not_plannable"
-        assert "[machine.reentry]" in view["error"]["message"]
+        program = (await client.post("/api/v1/programs?name=part.nc", content=PROGRAM)).json()["id"]
+        body = {"program": program, "machine": MACHINE, "force": True, "start_line": 60}
+        answer = await client.post("/api/v1/jobs", json=body)
+        assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
+        assert "[machine.reentry]" in answer.json()["detail"]
+        assert (await client.get("/api/v1/jobs")).json() == []
         assert bench.executed() == []
 
     told(tmp_path, story)
+
+
+def test_a_new_job_in_the_middle_that_cannot_be_planned_fails_before_anything_moves(tmp_path: Path) -> None:
+    async def story(bench: GrblBench, client: httpx.AsyncClient, _router: Controller) -> None:
+        # Where the machine would stand behind the lines before, nobody can know.
+        job = await bench.job("G91\nG1 X1 F600\nG1 X1\nM30\n", start_line=3)
+        view = await bench.status(job["id"], "failed")
+        assert view["error"]["code"] == "not_plannable"
+        assert "Start at a line" in view["error"]["message"]
+        assert bench.executed() == []
+
+    told(tmp_path, story, reentry={"clearance": 15.0})
 
 
 @pytest.mark.parametrize("reset", [False, True])
