@@ -1,6 +1,7 @@
 """serve: what ends the start with a sentence, and a real daemon from its address to SIGTERM."""
 
 import errno
+import gc
 import os
 import signal
 import socket
@@ -12,7 +13,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from server.cli.serve import address, bind
+from server.cli.serve import TURN_S, address, bind, favour_the_stream
 from server.cli.settings import sole_daemon
 from server.config import Config, ServerConfig
 from tests.server.cli.conftest import Run
@@ -26,6 +27,22 @@ MORE_THAN_BUFFERS = 64 * 1024 * 1024
 def listener() -> Iterator[socket.socket]:
     with bind("127.0.0.1", 0) as bound:
         yield bound
+
+
+@pytest.fixture
+def own_settings() -> Iterator[None]:
+    """What a test sets for the whole process is as it was, behind it."""
+    interval_s = sys.getswitchinterval()
+    yield
+    sys.setswitchinterval(interval_s)
+    gc.unfreeze()
+
+
+@pytest.mark.usefixtures("own_settings")
+def test_nothing_that_stays_is_looked_through_for_garbage_and_the_loop_gets_its_turn() -> None:
+    favour_the_stream()
+    assert gc.get_freeze_count() > 1000
+    assert sys.getswitchinterval() == pytest.approx(TURN_S)
 
 
 def test_without_a_machine_it_says_what_to_do(millstream: Run) -> None:
