@@ -136,6 +136,13 @@ class ReadSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class ReadDescriptions:
+    """What a grblHAL says of its own settings (`$ES`); answered by `DescriptionsRead`."""
+
+    token: int
+
+
+@dataclass(frozen=True, slots=True)
 class ReadStartupBlocks:
     """Answered by `StartupBlocksRead`."""
 
@@ -289,6 +296,7 @@ GrblCommand = (
     | ReadModal
     | ReadOffsets
     | ReadSettings
+    | ReadDescriptions
     | ReadStartupBlocks
     | WriteSetting
     | WriteInfo

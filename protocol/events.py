@@ -205,6 +205,28 @@ class SettingsRead:
 
 
 @dataclass(frozen=True, slots=True)
+class SettingDescription:
+    """What a controller says of one of its settings. `datatype` and `form` as grblHAL has them; None: no limit."""
+
+    number: int
+    name: str
+    unit: str
+    datatype: int | None
+    form: str
+    minimum: float | None
+    maximum: float | None
+    reboot: bool
+
+
+@dataclass(frozen=True, slots=True)
+class DescriptionsRead:
+    """In the order of the controller."""
+
+    token: int
+    descriptions: tuple[SettingDescription, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class StartupBlocksRead:
     """In their order."""
 
@@ -355,6 +377,7 @@ Detail = (
     | ModalRead
     | OffsetsRead
     | SettingsRead
+    | DescriptionsRead
     | StartupBlocksRead
     | ProgramEnded
     | FilesListed

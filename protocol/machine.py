@@ -18,6 +18,7 @@ from protocol.events import (
     CommandDone,
     CommandFailed,
     ControllerReset,
+    DescriptionsRead,
     Detail,
     Event,
     FateInDoubt,
@@ -121,6 +122,7 @@ def _told(state: MachineState, event: Detail) -> MachineState:
             | FirmwareRead()
             | OffsetsRead()
             | SettingsRead()
+            | DescriptionsRead()
             | StartupBlocksRead()
             | ProgramEnded()
             | FilesListed()

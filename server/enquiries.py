@@ -14,6 +14,7 @@ from typing import Final, Literal
 from protocol.commands import (
     CheckMode,
     Locate,
+    ReadDescriptions,
     ReadFirmware,
     ReadModal,
     ReadOffsets,
@@ -28,9 +29,11 @@ from protocol.commands import (
 )
 from protocol.events import (
     CommandFailed,
+    DescriptionsRead,
     FirmwareRead,
     ModalRead,
     OffsetsRead,
+    SettingDescription,
     SettingsRead,
     StartupBlocksRead,
     Status,
@@ -137,6 +140,10 @@ class Enquiries:
     async def settings(self) -> Mapping[int, str]:
         """Every setting by number, as the controller prints it."""
         return (await self._ask(READ_SETTINGS, ReadSettings)).only(SettingsRead).values
+
+    async def descriptions(self) -> tuple[SettingDescription, ...]:
+        """What a grblHAL says of its own settings; a Grbl 1.1 refuses it (error:2)."""
+        return (await self._ask(READ_SETTINGS, ReadDescriptions)).only(DescriptionsRead).descriptions
 
     async def offsets(self) -> OffsetsRead:
         """Work offsets, stored places, tool length, the last probing; mm."""

@@ -10,8 +10,7 @@ from protocol.events import FirmwareRead, ModalRead, OffsetsRead
 from protocol.grbl import modal, options
 from protocol.grbl.registers import kept_text
 from protocol.grbl.reports import AXES
-from protocol.grbl.settings import known as known_setting
-from protocol.grbl.settings import of_grblhal
+from protocol.grbl.settings import Setting
 from server.views import axes_view
 
 OLD_RX_BYTES: Final = 127
@@ -22,21 +21,17 @@ GRBL_AXES: Final = 3
 Json = dict[str, Any]
 
 
-def settings_view(machine: str, values: Mapping[int, str]) -> Json:
-    """All settings, by number."""
-    grblhal = of_grblhal(values)
-    return {
-        "machine": machine,
-        "settings": [_setting(number, values[number], grblhal=grblhal) for number in sorted(values)],
-    }
+def settings_view(machine: str, values: Mapping[int, str], known: Mapping[int, Setting]) -> Json:
+    """All settings, by number, with what is known of them."""
+    settings = [_setting(number, values[number], known.get(number)) for number in sorted(values)]
+    return {"machine": machine, "settings": settings}
 
 
-def _setting(number: int, value: str, *, grblhal: bool) -> Json:
-    """One that is in no table has its number and value alone."""
-    known = known_setting(number, grblhal=grblhal)
+def _setting(number: int, value: str, known: Setting | None) -> Json:
+    """One of which nothing is known has its number and value alone."""
     if known is None:
         nothing = dict.fromkeys(("name", "unit", "min", "max", "meaning", "kind"))
-        return {"number": number, "value": value, **nothing, "bits": []}
+        return {"number": number, "value": value, **nothing, "bits": [], "choices": []}
     return {
         "number": number,
         "value": value,
@@ -44,9 +39,10 @@ def _setting(number: int, value: str, *, grblhal: bool) -> Json:
         "unit": known.unit,
         "min": known.minimum,
         "max": known.maximum,
-        "meaning": known.meaning,
+        "meaning": known.meaning or None,
         "kind": known.kind,
         "bits": _bits(known.bits, value),
+        "choices": list(known.choices),
     }
 
 

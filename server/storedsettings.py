@@ -14,7 +14,8 @@ from jobs import backups
 from jobs.backups import Stored, Why
 from protocol.events import FirmwareRead
 from protocol.grbl.registers import unsendable
-from protocol.grbl.settings import SETTINGS, known, of_grblhal
+from protocol.grbl.settings import SETTINGS, Setting, described, of_grblhal
+from protocol.grbl.settings import known as known_setting
 from server.clock import Clock, stamp
 from server.controller import Controller
 from server.dbthread import Db
@@ -61,12 +62,15 @@ class StoredSettings:
         self._clock = clock
         self._alone = asyncio.Lock()
         """A change reads, keeps and writes: two at once would each keep half of the other's."""
+        self._described: tuple[frozenset[int], Mapping[int, Setting]] = (frozenset(), {})
+        """What a grblHAL with these numbers says of its settings: a second of the wire, and never another answer."""
 
     # --- reading ------------------------------------------------------------------------------------------------
 
     async def all(self) -> Json:
         """Every setting with what it means (api.md)."""
-        return settings_view(self._name, await self._enquiries.settings())
+        values = await self._enquiries.settings()
+        return settings_view(self._name, values, await self._known(values))
 
     async def backups(self) -> list[Json]:
         """The newest first."""
@@ -96,7 +100,7 @@ class StoredSettings:
         async with self._alone:
             self._enquiries.check(WRITE_SETTING)
             present = await self._enquiries.settings()
-            _judge(self._name, values, present)
+            _judge(self._name, values, present, await self._known(present))
             return await self._write(values, present, why="change", by=by)
 
     async def restore(self, id: int, *, by: str) -> Json:
@@ -134,6 +138,23 @@ class StoredSettings:
             made_by=by,
             firmware=f"{firmware.flavour} {firmware.version} {firmware.build}".strip(),
         )
+
+    async def _known(self, values: Mapping[int, str]) -> Mapping[int, Setting]:
+        """What is known of these settings: the tables', and before them what the controller says itself."""
+        grblhal = of_grblhal(values)
+        table = {number: known for number in values if (known := known_setting(number, grblhal=grblhal)) is not None}
+        if not grblhal:
+            return table
+        numbers = frozenset(values)
+        if self._described[0] != numbers:
+            try:
+                said = await self._enquiries.descriptions()
+            except ProblemError as problem:
+                if problem.code != "command_failed":
+                    return table
+                said = ()  # built without them
+            self._described = (numbers, {one.number: described(one) for one in said})
+        return {**table, **self._described[1]}
 
     async def _find(self, id: int) -> tuple[Json, Stored]:
         check_supported(self._controller, READ_SETTINGS.capability)
@@ -211,13 +232,12 @@ def _differences(kept: Mapping[int, str], present: Mapping[int, str]) -> list[Js
     return found
 
 
-def _judge(machine: str, values: Mapping[int, str], present: Mapping[int, str]) -> None:
+def _judge(machine: str, values: Mapping[int, str], present: Mapping[int, str], known: Mapping[int, Setting]) -> None:
     """Raises ProblemError with everything that is wrong with a change."""
-    grblhal = of_grblhal(present)
     errors = [
         {"field": f"values.{number}", "message": wrong}
         for number, value in values.items()
-        if (wrong := _wrong(number, value, present, grblhal=grblhal)) is not None
+        if (wrong := _wrong(number, value, present, known.get(number))) is not None
     ]
     after = {**present, **values}
     if not errors and SOFT_LIMITS in values and _is_on(after, SOFT_LIMITS) and not _is_on(after, HOMING):
@@ -228,10 +248,9 @@ def _judge(machine: str, values: Mapping[int, str], present: Mapping[int, str]) 
         raise ProblemError("invalid_request", f"Nothing was written to {machine}. {named}.", errors=errors)
 
 
-def _wrong(number: int, value: str, present: Mapping[int, str], *, grblhal: bool) -> str | None:
+def _wrong(number: int, value: str, present: Mapping[int, str], setting: Setting | None) -> str | None:
     if number not in present:
         return "this controller has no such setting"
-    setting = known(number, grblhal=grblhal)
     return (None if setting is None else setting.valid(value)) or unsendable(f"${number}=", value)
 
 

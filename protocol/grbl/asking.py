@@ -13,6 +13,7 @@ from protocol.commands import (
     GrblCommand,
     Home,
     Jog,
+    ReadDescriptions,
     ReadFirmware,
     ReadModal,
     ReadOffsets,
@@ -28,12 +29,14 @@ from protocol.errors import LocalError
 from protocol.events import (
     CommandDone,
     CommandFailed,
+    DescriptionsRead,
     Event,
     FirmwareRead,
     Homed,
     ModalRead,
     OffsetsRead,
     ProbeReported,
+    SettingDescription,
     SettingsRead,
     StartupBlocksRead,
 )
@@ -49,6 +52,7 @@ from protocol.grbl.messages import (
     ParserState,
     ProbeResult,
     Said,
+    SettingEnumerated,
     SettingValue,
     StartupBlock,
     Version,
@@ -99,6 +103,7 @@ _QUESTIONS: Final[dict[type, tuple[tuple[str, ...], type]]] = {
     ReadFirmware: (("$I", "$"), Options),
     ReadOffsets: (("$#",), OffsetReported),
     ReadSettings: (("$$",), SettingValue),
+    ReadDescriptions: (("$ES",), SettingEnumerated),
     ReadStartupBlocks: (("$N",), StartupBlock),
 }
 
@@ -107,7 +112,7 @@ def request(command: GrblCommand | ClearAlarm) -> Request:
     """The lines of a command. Raises LocalError for what the controller could not take."""
     token = command.token
     match command:
-        case ReadFirmware() | ReadOffsets() | ReadSettings() | ReadStartupBlocks():
+        case ReadFirmware() | ReadOffsets() | ReadSettings() | ReadDescriptions() | ReadStartupBlocks():
             return question(type(command), token)
         case ReadModal():
             return Request(token, ("$G",), command, ParserState, needs_idle=False)
@@ -178,6 +183,8 @@ def results(asked: Request, flavour: Flavour, axes: tuple[str, ...]) -> Iterable
         yield _offsets(token, heard, axes)
     elif asked.expects is SettingValue:
         yield SettingsRead(token, {m.number: m.value for m in heard if isinstance(m, SettingValue)})
+    elif asked.expects is SettingEnumerated and token is not None:
+        yield DescriptionsRead(token, tuple(_description(m) for m in heard if isinstance(m, SettingEnumerated)))
     elif asked.expects is StartupBlock and token is not None:
         rows = sorted((m.index, m.block) for m in heard if isinstance(m, StartupBlock))
         yield StartupBlocksRead(token, tuple(block for _, block in rows))
@@ -232,6 +239,12 @@ def _offsets(token: int | None, heard: Iterable[Message], axes: tuple[str, ...])
             case _:
                 pass
     return OffsetsRead(token, offsets, probe)
+
+
+def _description(said: SettingEnumerated) -> SettingDescription:
+    return SettingDescription(
+        said.number, said.name, said.unit, said.datatype, said.format, said.minimum, said.maximum, said.reboot
+    )
 
 
 def _unverified(asked: Request) -> str | None:

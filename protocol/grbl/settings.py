@@ -10,12 +10,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
+from protocol.events import SettingDescription
+
 Kind: TypeAlias = Literal["bool", "mask", "integer", "number", "text"]
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """`minimum`, `maximum` in `unit`, both allowed; None: no limit. `grblhal`: Grbl 1.1 has none of this number."""
+    """`minimum`, `maximum` in `unit`, both allowed; None: no limit. `grblhal`: Grbl 1.1 has none of this number.
+    `bits` of a mask, from bit 0; `choices`: what 0, 1, ... stand for."""
 
     name: str
     unit: str
@@ -25,6 +28,7 @@ class Setting:
     meaning: str
     grblhal: bool = False
     bits: tuple[str, ...] = ()
+    choices: tuple[str, ...] = ()
 
     def valid(self, value: str) -> str | None:
         """What is wrong with `value`, or None."""
@@ -150,6 +154,37 @@ def known(number: int, *, grblhal: bool) -> Setting | None:
 def of_grblhal(numbers: Iterable[int]) -> bool:
     """Whether a controller with these settings is a grblHAL: every one has some that Grbl 1.1 lacks."""
     return any(setting.grblhal for number in numbers if (setting := SETTINGS.get(number)) is not None)
+
+
+_KINDS: Final[dict[int | None, Kind]] = {
+    0: "bool", 1: "mask", 2: "mask", 3: "integer", 4: "mask", 5: "integer", 6: "number"
+}  # fmt: skip
+"""grblHAL's data types: boolean, bit field, bit field whose first bit switches it on, one of several, axes, whole
+number, decimal. Text, password and address are text."""
+_RADIO: Final = 3
+_AXES_MASK: Final = 4
+_AXIS_LETTERS: Final = tuple("XYZABCUVW")
+
+
+def described(said: SettingDescription) -> Setting:
+    """A setting as a grblHAL describes it; what it is for is the table's, where that knows it."""
+    kind = _KINDS.get(said.datatype, "text")
+    named = tuple(part.strip() for part in said.form.split(","))
+    bits: tuple[str, ...] = ()
+    choices: tuple[str, ...] = ()
+    low, high = said.minimum, said.maximum
+    if kind == "bool":
+        low, high = 0.0, 1.0
+    elif said.datatype == _RADIO:
+        choices = named
+        low, high = 0.0, len(named) - 1.0
+    elif kind == "mask":
+        bits = _AXIS_LETTERS if said.datatype == _AXES_MASK else named
+        low, high = 0.0, 2.0 ** max(len(bits), 8) - 1
+    elif kind == "text":
+        low = high = None  # they bound its length
+    meaning = SETTINGS[said.number].meaning if said.number in SETTINGS else ""
+    return Setting(said.name, said.unit, kind, low, high, meaning, grblhal=True, bits=bits, choices=choices)
 
 
 REPORT_INCHES: Final = 13

@@ -33,12 +33,13 @@ SETTING_EXAMPLE: dict[str, Any] = {
     "meaning": "speed of rapids; feeds are limited to it",
     "kind": "number",
     "bits": [],
+    "choices": [],
 }
 
 
 class SettingView(BaseModel):
-    """A setting. `value` as the controller prints it; `min` and `max` are in `unit`, null: no limit. A setting that is
-    in no table of ours has its number and value, and null for the rest."""
+    """A setting. `value` as the controller prints it; `min` and `max` are in `unit`, null: no limit; `choices`: what 0,
+    1, ... stand for. A setting of which nothing is known has its number and value, and null for the rest."""
 
     model_config = example(**SETTING_EXAMPLE)
     number: int
@@ -50,6 +51,7 @@ class SettingView(BaseModel):
     meaning: str | None
     kind: Literal["bool", "mask", "integer", "number", "text"] | None
     bits: list[BitView]
+    choices: list[str]
 
 
 class SettingsView(BaseModel):

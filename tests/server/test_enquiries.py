@@ -132,6 +132,7 @@ def test_another_protocol_has_none_of_it(tmp_path: Path) -> None:
     ("asking", "code", "controller_code", "words"),
     [
         (lambda e: e.write_setting(999, "1"), "command_failed", 3, "unknown $ command"),
+        (lambda e: e.descriptions(), "command_failed", 2, "missing or bad"),
         (lambda e: e.write_setting(20, "1"), "command_failed", 10, "switch homing on"),
         (lambda e: e.write_setting(0, "1"), "command_failed", 6, "step pulse"),
         (lambda e: e.run_offset_block("G10L20P9X0"), "command_failed", 29, "coordinate system"),

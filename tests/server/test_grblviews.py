@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.events import FirmwareRead, OffsetsRead, ProbeReported
+from protocol.grbl.settings import SETTINGS
 from server.grblviews import firmware_view, info_warnings, offsets_view, settings_view
 from server.jsontext import dumps
 
@@ -63,19 +64,19 @@ def test_the_axes_that_grbl_does_not_name_are_three() -> None:
 
 
 def test_a_setting_in_no_table_has_number_and_value() -> None:
-    (shown,) = settings_view("router", {9999: "auto"})["settings"]
-    assert (shown.pop("number"), shown.pop("value"), shown.pop("bits")) == (9999, "auto", [])
+    (shown,) = settings_view("router", {9999: "auto"}, {})["settings"]
+    assert [shown.pop(key) for key in ("number", "value", "bits", "choices")] == [9999, "auto", [], []]
     assert set(shown.values()) == {None}
 
 
 def test_bits_of_a_value_that_is_no_number_are_not_known() -> None:
-    (shown,) = settings_view("router", {2: "many"})["settings"]
+    (shown,) = settings_view("router", {2: "many"}, SETTINGS)["settings"]
     assert {bit["on"] for bit in shown["bits"]} == {None}
 
 
 @given(st.dictionaries(st.integers(0, 400), st.text(max_size=12)))
 def test_any_values_make_a_view(values: dict[int, str]) -> None:
-    shown = settings_view("router", values)
+    shown = settings_view("router", values, SETTINGS)
     assert [one["number"] for one in json.loads(dumps(shown))["settings"]] == sorted(values)
 
 

@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from protocol.events import SettingDescription
+from server.enquiries import Enquiries
 from server.problems import ProblemError
 from tests.harness.panelbench import PanelBench, bench, refusal
 from tests.harness.simloop import run_simulated
@@ -38,6 +40,7 @@ def test_every_setting_with_what_it_means(tmp_path: Path) -> None:
             "meaning": "speed of rapids; feeds are limited to it",
             "kind": "number",
             "bits": [],
+            "choices": [],
         }
         assert [(bit["name"], bit["on"]) for bit in by_number[3]["bits"]] == [("X", True), ("Y", False), ("Z", True)]
         assert [bit["name"] for bit in by_number[10]["bits"]] == ["machine position", "buffer state"]
@@ -51,8 +54,31 @@ def test_a_grblhal_shows_its_own_and_what_is_in_no_table(tmp_path: Path) -> None
         world = bench(tmp_path, flavour="grblHAL")
         shop = await world.ready()
         by_number = {one["number"]: one for one in (await world.panel.settings.all())["settings"]}
-        assert by_number[341]["name"] == "tool change mode"
-        assert len(by_number[10]["bits"]) > 2
+        assert by_number[341]["name"] == "Tool change mode", "its own words"
+        assert by_number[341]["meaning"].startswith("0 normal"), "ours say what it is for"
+        await world.panel.settings.all()
+        await world.panel.settings.change({110: "600"}, by="ann")
+        assert world.sent().count("$ES") == 1, "that it has said once"
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_a_grblhal_that_says_nothing_of_its_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def main() -> None:
+        world = bench(tmp_path, flavour="grblHAL")
+        shop = await world.ready()
+        asked = []
+
+        async def refuse(_: Enquiries) -> tuple[SettingDescription, ...]:
+            asked.append(1)
+            raise ProblemError("command_failed", "error:3.")
+
+        monkeypatch.setattr(Enquiries, "descriptions", refuse)
+        for _ in range(2):
+            by_number = {one["number"]: one for one in (await world.panel.settings.all())["settings"]}
+            assert by_number[341]["name"] == "tool change mode"
+        assert asked == [1]
         await shop.stop()
 
     run_simulated(main())

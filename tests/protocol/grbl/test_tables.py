@@ -2,8 +2,9 @@
 
 import pytest
 
+from protocol.events import SettingDescription
 from protocol.grbl import codes, realtime
-from protocol.grbl.settings import SETTINGS, known, of_grblhal
+from protocol.grbl.settings import SETTINGS, described, known, of_grblhal
 
 GRBL_ERRORS = {*range(1, 18), *range(20, 39)}
 GRBLHAL_ERRORS = {18, 19, *range(39, 59), *range(60, 67), 70, *range(71, 77), 77, 78, 79, *range(80, 93), 253}
@@ -85,6 +86,30 @@ def test_a_grblhal_is_known_by_its_settings() -> None:
     assert of_grblhal({*GRBL_SETTINGS, 39})
     assert known(9999, grblhal=True) is None
     assert list(getattr(known(10, grblhal=False), "bits", ())) == ["machine position", "buffer state"]
+
+
+@pytest.mark.parametrize(
+    ("datatype", "form", "minimum", "maximum", "value", "wrong"),
+    [
+        (0, "", None, None, "2", "Thing goes from 0 to 1 s"),
+        (1, "one,two", None, None, "256", "Thing goes from 0 to 255 s"),
+        (3, "none, one ,two", None, None, "3", "Thing goes from 0 to 2 s"),
+        (4, "axes", None, None, "-1", "Thing goes from 0 to 511 s"),
+        (5, "##0", 2.0, 9.0, "10", "Thing goes from 2 to 9 s"),
+        (5, "##0", None, None, "1.5", "Thing is a whole number"),
+        (6, "#0.0", None, 9.0, "-5.5", None),
+        (6, "#0.0", 0.0, None, "-5.5", "Thing goes from 0 to inf s"),
+        (7, "", 1.0, 3.0, "my host", None),
+        (None, "", None, None, "anything", None),
+    ],
+)
+def test_a_setting_as_a_grblhal_describes_it(
+    datatype: int | None, form: str, minimum: float | None, maximum: float | None, value: str, wrong: str | None
+) -> None:
+    said = SettingDescription(999, "Thing", "s", datatype, form, minimum, maximum, reboot=False)
+    assert described(said).valid(value) == wrong
+    assert described(said).choices == (("none", "one", "two") if datatype == 3 else ())
+    assert described(said).bits[:2] == {1: ("one", "two"), 4: ("X", "Y")}.get(datatype or 0, ())
 
 
 def test_a_bad_value_is_told_with_the_range() -> None:
