@@ -4,6 +4,7 @@ The one rule: a frame goes out again only where it is known not to be executed: 
 as well. Frames are increments, so nothing is worse than one that runs twice.
 """
 
+import math
 from abc import abstractmethod
 from typing import Final
 
@@ -34,6 +35,8 @@ EARLY: Final = 0.25
 OF_THE_WIRE: Final = 0.9
 """Of the time that a frame takes on the line: before it no answer to the frame can be on its way."""
 
+NAK_WITHIN: Final = 2.0
+"""Times `gap_s` behind a frame: so soon its NAK is said. A later one need not be the machine's word on this frame."""
 HIGHEST_AFTER_RESTART: Final = 1
 """What a machine can count that has restarted unnoticed: 0, or 1 when the frame on its way came behind the restart.
 Where that is what it had counted before, it proves nothing."""
@@ -81,7 +84,7 @@ class Flights(Exchange):
         if frame.m is not None or frame.t is not None:
             flight.run_s += self._dialect.auxiliary_s
         flight.sent = flight.done + 1
-        flight.acked = flight.refused = False
+        flight.acked, flight.refused_at = False, math.inf
         flight.sent_at = now
         flight.on_wire_at = now + self._wire.send(seal(frame.sendable, self._dialect.check))
         self._emit(MessageSeen(">", frame.to_text()))
@@ -133,7 +136,7 @@ class Flights(Exchange):
     def _on_nak(self, now: float) -> None:
         flight = self._flight
         assert flight is not None
-        flight.refused = True
+        flight.refused_at = now
         if self._counted is not None:
             self._enquire(Phase.ASK, now, until=flight.expected_end_at, settle=True)
         else:
@@ -168,12 +171,12 @@ class Flights(Exchange):
         assert flight is not None
         assert count is not None
         assert self._counted is not None
-        refused = (flight.refused or inquiry.naks > 0) and not flight.acked
+        refused = flight.refused_at <= flight.on_wire_at + NAK_WITHIN * self._dialect.gap_s
         if count == (self._counted + 1) % COUNT_MODULUS and (count or flight.acked):
             self._executed(flight, now)
         elif count != self._counted:
             self._miscounted(count, now)
-        elif count > HIGHEST_AFTER_RESTART or refused:
+        elif count > HIGHEST_AFTER_RESTART or (refused and not flight.acked and not inquiry.acks):
             self._again(flight, now)
         else:
             self._doubt(f"the machine counts {count} as before: it may as well have restarted since", now)
@@ -182,7 +185,7 @@ class Flights(Exchange):
         """LISTEN: the frame's own answers and the one ACK of ENQ."""
         flight = self._flight
         assert flight is not None
-        refused = flight.refused or inquiry.naks > 0
+        refused = flight.refused_at < math.inf or inquiry.naks > 0
         if not refused:
             self._executed(flight, now)
         elif inquiry.acks == 1 and not flight.acked:

@@ -3,6 +3,7 @@
 docs/ncframe-phases.md is made from STEPS and OUTCOMES (`python -m protocol.ncframe.phases`); a test keeps it true.
 """
 
+import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -111,7 +112,7 @@ class Flight:
 
     `sent`: so many frames may have reached the machine (`done`, or one more). `attempts` counts how often any frame of
     it went out again. `run_s`: how long the frame on the wire may take, `least_s`: how long it does by what it moves.
-    `acked`, `refused`: what the machine said of it.
+    `acked`, `refused_at`: what the machine said of it.
     """
 
     batch: SendBatch
@@ -128,7 +129,7 @@ class Flight:
     least_s: float = 0.0
     announced: bool = False
     acked: bool = False
-    refused: bool = False
+    refused_at: float = math.inf
 
     @property
     def expected_end_at(self) -> float:

@@ -346,6 +346,20 @@ def test_but_nak_does() -> None:
     assert scene.hush() == X1
 
 
+@pytest.mark.parametrize(("wait_s", "words"), [(0.9, "NAK"), (0.0, "NAK ACK")])
+def test_but_not_a_nak_that_is_late_or_has_an_ack_behind_it(wait_s: float, words: str) -> None:
+    scene = ready(0)
+    scene.batch("X1")
+    scene.wait(wait_s)
+    scene.say(words)
+    sent = scene.hush()
+    for _ in range(2):
+        scene.say("ACK 0")
+        sent += scene.hush()
+    assert X1 not in sent
+    assert len(scene.take(FateInDoubt)) == 1
+
+
 def test_a_machine_that_counts_more_than_was_sent() -> None:
     scene = ready(7)
     scene.batch("X1", "X2")
