@@ -15,11 +15,13 @@ import { JobsPage } from "./jobs/page.js";
 import { MachinePage } from "./machine/page.js";
 import { Notices } from "./parts/notices.js";
 import { ProgramsPage } from "./programs/page.js";
+import { SettingsPage } from "./settings/page.js";
 import { SignIn } from "./parts/signin.js";
 import { StatusBand } from "./machine/band.js";
 
 /** @type {Record<string, () => unknown>} */
-const VIEWS = { machine: MachinePage, programs: ProgramsPage, jobs: JobsPage, console: ConsolePage, card: CardPage };
+const VIEWS = { machine: MachinePage, programs: ProgramsPage, jobs: JobsPage, console: ConsolePage, card: CardPage,
+  settings: SettingsPage };
 
 function App() {
   if (connection.value === "sign-in") return html`<${SignIn} /><${Notices} />`;

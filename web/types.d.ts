@@ -20,6 +20,10 @@ export interface State {
   tool: number | null;
   tool_requested: number | null;
   inputs: Record<string, boolean>;
+  accessories?: string[];
+  homed?: boolean | null;
+  pendant?: boolean;
+  substate?: number | null;
   seq: number;
   at: string | null;
 }
@@ -106,6 +110,18 @@ export interface Program {
   bytes: number;
   created_at: string;
   source_program: string | null;
+}
+
+export interface Setting {
+  number: number;
+  value: string;
+  name: string | null;
+  unit: string | null;
+  min: number | null;
+  max: number | null;
+  meaning: string | null;
+  kind: "bool" | "mask" | "integer" | "number" | "text" | null;
+  bits: { bit: number; name: string; on: boolean | null }[];
 }
 
 export interface Finding {

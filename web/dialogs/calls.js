@@ -7,7 +7,7 @@ import { t } from "../lib/i18n.js";
 import { call as ring } from "../lib/sound.js";
 import { onJob, verb } from "../state/actions.js";
 import { activeJob } from "../state/reduce.js";
-import { against, chosen, live, world } from "../state/store.js";
+import { against, can, chosen, live, world } from "../state/store.js";
 import { go, route, to } from "../lib/router.js";
 import { Button } from "../parts/button.js";
 import { Dialog } from "../parts/dialog.js";
@@ -76,7 +76,8 @@ function Answers({ call }) {
   const stop = call.job !== null && html`<${Button} name="call-stop" kind="end" icon="stop" label=${t("control.stop")} reason=${against("operate")}
     onPress=${() => onJob(/** @type {number} */ (call.job), "cancel")} />`;
   if (call.kind === "alarm") {
-    return html`<${Button} name="call-unlock" kind="primary" icon="unlock" label=${t("service.unlock")} reason=${against("unlock")} onPress=${() => verb("unlock")} />`;
+    return html`${can("home") && against("home") === null && html`<${Button} name="call-home" icon="home" label=${t("jog.home")} onPress=${() => verb("home")} />`}
+      <${Button} name="call-unlock" kind="primary" icon="unlock" label=${t("service.unlock")} reason=${against("unlock")} onPress=${() => verb("unlock")} />`;
   }
   return html`${stop}<${Button} name="call-confirm" kind="go" icon="run" label=${t(call.kind === "tool" ? "call.tool_in" : "call.go_on")}
     reason=${against("confirm")} onPress=${() => verb("tool/confirm")} />`;

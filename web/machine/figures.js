@@ -8,7 +8,7 @@ import { machine } from "../state/store.js";
 export function Figures() {
   const state = machine.value?.state;
   if (!state) return null;
-  const { feed, spindle, tool, tool_requested: wanted, absolute, inputs } = state;
+  const { feed, spindle, tool, tool_requested: wanted, absolute, inputs, homed, pendant } = state;
   const known = Object.entries(inputs);
   return html`<section class="panel figures" aria-label=${t("figures.title")}>
     <dl>
@@ -17,7 +17,9 @@ export function Figures() {
       <div data-name="tool"><dt>${t("figures.tool")}</dt><dd>${tool === null ? "–" : `T${tool}`}
         ${wanted !== null && wanted !== tool && html`<small>→ T${wanted}</small>`}</dd></div>
       <div><dt>${t("figures.distance")}</dt><dd class="text">${absolute === null ? "–" : t(absolute ? "figures.absolute" : "figures.relative")}</dd></div>
+      ${homed !== undefined && homed !== null && html`<div data-name="homed"><dt>${t("figures.homed")}</dt><dd class="text">${t(homed ? "figures.yes" : "figures.no")}</dd></div>`}
     </dl>
+    ${pendant && html`<p class="problem" data-name="pendant">${t("figures.pendant")}</p>`}
     ${known.length > 0 && html`<ul class="inputs" aria-label=${t("figures.inputs")}>
       ${known.map(([pin, on]) => html`<li key=${pin} class=${on ? "on" : ""}><i aria-hidden="true"></i>${pin}
         <span>${t(on ? "figures.on" : "figures.off")}</span></li>`)}</ul>`}

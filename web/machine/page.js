@@ -9,6 +9,7 @@ import { Figures } from "./figures.js";
 import { JogPanel } from "./jog.js";
 import { LinkPanel } from "./link.js";
 import { LogPanel } from "./log.js";
+import { Modes } from "./modes.js";
 import { Overrides } from "./overrides.js";
 import { Position } from "./position.js";
 import { Service } from "./service.js";
@@ -23,6 +24,7 @@ export function MachinePage() {
     <div class="column">
       <${Figures} />
       ${can("overrides") && html`<${Overrides} key=${name} />`}
+      ${(can("coolant") || can("check_mode") || can("door")) && html`<${Modes} />`}
       <${Service} />
       <${LinkPanel} />
     </div>

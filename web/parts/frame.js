@@ -60,11 +60,13 @@ const signOut = () => attempt(async () => {
 });
 
 /** @type {Record<string, string>} */
-const TAB_ICONS = { machine: "gauge", programs: "file", jobs: "list", console: "terminal", card: "card" };
+const TAB_ICONS = { machine: "gauge", programs: "file", jobs: "list", console: "terminal", card: "card", settings: "sliders" };
+/** Pages that need something of the controller. @type {Record<string, string>} */
+const NEEDS = { card: "sd", settings: "settings" };
 
 export function Tabs() {
   return html`<nav class="tabs" aria-label=${t("tab.title")}>
-    ${PAGES.filter((page) => page !== "card" || can("sd")).map((page) => html`<a key=${page} href=${to(page)} data-name=${`tab-${page}`}
+    ${PAGES.filter((page) => !NEEDS[page] || can(NEEDS[page])).map((page) => html`<a key=${page} href=${to(page)} data-name=${`tab-${page}`}
       aria-current=${page === route.value.page ? "page" : undefined}>
       <${Icon} name=${TAB_ICONS[page]} /><span>${t(`tab.${page}`)}</span></a>`)}
   </nav>`;

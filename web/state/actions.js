@@ -27,6 +27,9 @@ const here = () => `/machines/${encodeURIComponent(chosen.value ?? "")}`;
 /** @param {string} verb connect, home, unlock, pause ... */
 export const verb = (verb) => post(`${here()}/${verb}`);
 
+/** @param {string} what an address under the machine @param {any} body */
+export const onMachine = (what, body) => post(`${here()}/${what}`, body);
+
 /**
  * Blocks by hand, one after the other. Throws when the controller refuses one.
  * @param {string[]} blocks

@@ -28,14 +28,28 @@ const free = ({ machine }) =>
 const standing = ({ machine }) => (machine?.state.status === "run" ? "reason.run" : null);
 /** @type {Need} */
 const inAlarm = ({ machine }) => (machine?.state.status === "alarm" ? null : "reason.no_alarm");
+/** A controller with a real-time lane can be held, let go and stopped without a job too. @param {Situation} now */
+const atOnce = ({ machine }) => machine?.protocol === "grbl";
+/** @param {Situation} now @param {string[]} statuses */
+const stands = ({ machine, job }, ...statuses) => machine !== null && !(job && MOVING.has(job.status)) && statuses.includes(machine.state.status);
 /** @type {Need} */
-const runs = ({ job }) => (job?.status === "running" || job?.status === "waiting" ? null : "reason.nothing_runs");
+const runs = (now) =>
+  now.job?.status === "running" || now.job?.status === "waiting" || (atOnce(now) && stands(now, "run", "jog")) ? null : "reason.nothing_runs";
 /** @type {Need} */
-const paused = ({ job }) => (job?.status === "paused" ? null : "reason.nothing_paused");
+const paused = (now) => (now.job?.status === "paused" || (atOnce(now) && stands(now, "hold", "door")) ? null : "reason.nothing_paused");
 /** @type {Need} */
 const notCancelling = ({ job }) => (job?.cancelling ? "reason.stopping" : null);
 /** @type {Need} */
-const anyJob = ({ job, machine }) => (job || machine?.state.status === "run" ? null : "reason.nothing_runs");
+const anyJob = (now) =>
+  now.job || stands(now, "run") || (atOnce(now) && stands(now, "jog", "hold", "home", "door")) ? null : "reason.nothing_runs";
+/** A Grbl that was just switched on is in alarm until it is homed. @type {Need} */
+const noAlarmButGrbl = (now) => (atOnce(now) ? null : noAlarm(now));
+/** Its reset goes out at once, in the middle of a job too. @type {Need} */
+const noJobButGrbl = (now) => (atOnce(now) ? null : noJob(now));
+/** @type {Need} */
+const moving = (now) => (now.job || stands(now, "run", "jog", "hold", "home") ? null : "reason.nothing_runs");
+/** @type {Need} */
+const admin = ({ role }) => (role === "admin" ? null : "reason.admin_only");
 /** @type {Need} */
 const decided = ({ job }) => (job?.status === "interrupted" ? "reason.interrupted" : null);
 /** @type {Need} */
@@ -49,12 +63,15 @@ const NEEDS = {
   pause: [runs, notCancelling],
   resume: [paused, connected, noAlarm],
   stop: [anyJob, notCancelling],
-  home: [connected, noAlarm, noJob, free, standing],
+  home: [connected, noAlarmButGrbl, noJob, free, standing],
   unlock: [connected, inAlarm, noJob],
-  reset: [connected, noJob],
+  reset: [connected, noJobButGrbl],
   jog: [connected, noAlarm, noJob, free],
   by_hand: [connected, noAlarm, noJob, free],
   overrides: [connected],
+  door: [connected, moving],
+  settings: [connected, noAlarm, noJob, free, standing],
+  change_settings: [admin, connected, noAlarm, noJob, free, standing],
   sd: [connected, noAlarm, noJob, free, standing],
   confirm: [connected, noAlarm],
   operate: [],

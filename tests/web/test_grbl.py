@@ -1,0 +1,103 @@
+"""The dashboard in front of a Grbl: overrides, coolant, settings with backups, a reset in the middle of a job."""
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Browser, expect
+
+from tests.harness.browser import PHONE, Screen
+from tests.harness.process import Daemon, until
+
+pytestmark = pytest.mark.real
+
+PART = "G21 G90\nM3 S1000\nG0 Z5\n" + "".join(f"G1 X{i % 20} Y{i % 7} F900\n" for i in range(1, 150)) + "M30\n"
+WITHIN_MS = 30_000
+"""Grbl writes each setting into its EEPROM, and the daemon reads it back."""
+
+
+@pytest.fixture(scope="module")
+def grbl(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """One for all of these tests: each leaves the controller as it was."""
+    one = Daemon(tmp_path_factory.mktemp("grbl"), "sim:?speed_factor=3", grbl="")
+    try:
+        yield one.start().connected()
+    finally:
+        one.kill9()
+
+
+def test_overrides_and_coolant_show_what_the_controller_reports(grbl: Daemon, screens: Callable[..., Screen]) -> None:
+    one = screens(grbl.url)
+    one.go()
+    slider = one.page.locator("#override-feed")
+    slider.focus()
+    slider.press("ArrowRight")  # a step of the slider is 5 %
+    until(lambda: grbl.get("/machines/mill/state")["overrides"]["feed"] == 105)
+    expect(one.named("override-feed").locator("output")).to_have_text("105 %")
+    one.named("override-feed").get_by_role("button").click()
+    expect(one.named("override-feed").locator("output")).to_have_text("100 %")
+    one.press("flood")
+    expect(one.named("flood")).to_contain_text("Flood is on")
+    one.press("flood")
+    expect(one.named("flood")).not_to_contain_text("is on")
+    expect(one.named("spindle-stop")).to_contain_text("is not held")
+
+
+def test_settings_are_changed_seen_again_and_brought_back(grbl: Daemon, screens: Callable[..., Screen]) -> None:
+    one = screens(grbl.url)
+    one.go("mill/settings")
+    expect(one.named("save-settings")).to_contain_text("nothing changed")
+    one.page.locator("#setting-110").fill("650")
+    one.page.locator("[data-setting='3'] [data-bit='1']").check()
+    one.press("save-settings")
+    rows = {number: one.page.locator(f"[data-setting='{number}']") for number in (3, 110)}
+    for row in rows.values():
+        expect(row).to_contain_text("written", timeout=WITHIN_MS)
+    assert values(grbl, 3, 110) == ["2", "650.000"]
+    one.named("backups").get_by_role("button").first.click()
+    expect(one.named("backup")).to_contain_text("500.000")
+    one.press("restore")
+    until(lambda: values(grbl, 3, 110) == ["0", "500.000"])
+    expect(one.page.locator("#setting-110")).to_have_value("500.000", timeout=WITHIN_MS)
+
+
+def test_a_value_that_cannot_be_is_refused_and_nothing_written(grbl: Daemon, screens: Callable[..., Screen]) -> None:
+    one = screens(grbl.url)
+    one.allowed.append(r"status of 4(09|22)")
+    one.go("mill/settings")
+    one.page.locator("#setting-110").fill("fast")
+    one.press("save-settings")
+    expect(one.page.locator(".notice.error")).to_be_visible()
+    expect(one.page.locator("#setting-110")).to_have_value("fast")
+    assert values(grbl, 110) == ["500.000"]
+
+
+def values(grbl: Daemon, *numbers: int) -> list[str]:
+    settings = grbl.get("/machines/mill/settings")["settings"]
+    return [one["value"] for one in settings if one["number"] in numbers]
+
+
+def test_a_reset_in_the_middle_of_a_job_ends_in_a_plan_that_asks_for_what_it_needs(
+    grbl: Daemon, screens: Callable[..., Screen]
+) -> None:
+    one = screens(grbl.url, PHONE)
+    one.go()
+    job = grbl.job(PART)
+    until(lambda: grbl.get(f"/jobs/{job}")["progress"]["line"] > 4)
+    one.press("reset")
+    one.status("alarm")
+    one.press("call-unlock")
+    one.status("interrupted")
+    one.named("band").locator("[data-name=recover]").click()
+    plan = one.page.locator("section[data-name=recover]")
+    expect(plan.locator("[data-name=from]")).to_contain_text("see the plan")
+    plan.locator("[data-name=clearance]").fill("10")
+    force = plan.locator("[data-name=force]")
+    force.check()
+    expect(plan.locator(".steps-list li").first).to_be_visible()
+    for box in plan.locator("[data-name=operator_done]").all():
+        box.check()
+    expect(plan.locator("[data-name=from]")).not_to_have_attribute("aria-disabled", "true")
+    plan.locator("[data-name=from]").click()
+    one.status("run")
+    until(lambda: grbl.get(f"/jobs/{job}")["status"] == "running")
+    grbl.post(f"/jobs/{job}/cancel")
