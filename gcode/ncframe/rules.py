@@ -21,8 +21,7 @@ NO_TOOL_NAMED = 0
 """The tool before the first T."""
 
 G54 = 1
-FIRST_SYSTEM_CODE = 53
-"""System 1 is G54."""
+"""The number of the first coordinate system."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +89,8 @@ def profile_for(profile: Profile, rules: FrameRules) -> Profile:
     initial["tool"] = NO_TOOL_NAMED
     initial["diameter_mode"] = rules.diameter_programming
     initial["diameters"] = {tool: guided * radius for tool, radius in radii.items() if radius is not None}
-    initial["systems"] = _systems(profile, rules)
+    initial["systems"] = systems = _systems(profile, rules)
+    initial["frame"] = tuple(systems.get(initial.get("system", G54), ()))
     ranges = {**profile.ranges, "F": (0.0, rules.fastest_feed_mm_min), "S": (0.0, rules.highest_speed)}
     return replace(profile, initial=initial, ranges=ranges)
 
@@ -107,7 +107,6 @@ def state_for(profile: Profile, position: Mapping[str, float] | None) -> State:
     """The state of a controller that has just been switched on; `position` in mm, lower-case axes, may lack some."""
     state = State.unknown("".join(profile.axes).upper())
     state = replace(state, **profile.initial).copy()
-    state.refresh_frame()
     place = position or {}
     state.position = [place.get(axis.lower(), value) for axis, value in zip(state.axes, state.position, strict=True)]
     return state

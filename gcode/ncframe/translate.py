@@ -166,6 +166,8 @@ class Translator:
         tool = words.values.get("T")
         if state.compensation != _OFF and tool is not None and int(tool) != state.selected:
             pending.note("compensation", "T while compensation is on: the tool cannot be changed", "T")
+        if words.codes and not words.values.keys().isdisjoint(_TAKERS):
+            self._guard_words(pending, words)
         if not self._unset or words.has("set_position"):
             return
         if not words.has("absolute") and (state.absolute is not True or words.has("relative")):
@@ -177,6 +179,14 @@ class Translator:
                     f"where {axis} stands in these coordinates is not known: G92, or steps ({_STEPS[axis]}), come first"
                 )
                 pending.note("position_unknown", text, axis)
+
+    def _guard_words(self, pending: Pending, words: _Words) -> None:
+        """Other controllers have M codes with words of their own (M62 P, M19 R): no frame can carry these."""
+        codes = [code.name for code in words.codes if code.name.startswith("M")]
+        taken = {self.state.motion, *(code.effect for code in words.codes), *(code.sets for code in words.codes)}
+        for letter in sorted(_TAKERS.keys() & words.values.keys()):
+            if codes and taken.isdisjoint(_TAKERS[letter]):
+                pending.note("word_left_over", f"{' '.join(codes)} with {letter}: no frame can carry it", letter)
 
     def _locate(self, words: _Words, before: list[float]) -> None:
         """G92 says where an axis stands; a change to coordinates whose zero nobody has told says that nobody knows."""
@@ -231,5 +241,12 @@ class Translator:
     def _inward(self, position: Mapping[str, float]) -> dict[str, float]:
         return {axis: value / self._scale[axis] for axis, value in position.items() if axis in self._scale}
 
+
+_TAKERS = {
+    "P": frozenset(("dwell",)),
+    "D": frozenset(("compensation_left", "compensation_right")),
+    "R": frozenset(("arc_cw", "arc_ccw")),
+}
+"""What takes a word that is in no frame as such."""
 
 _STEPS = {"X": "U", "Z": "W"}

@@ -163,6 +163,19 @@ def test_a_frame_has_one_m_and_a_stop_comes_behind_the_motion_of_its_block() -> 
     assert [frame.tool for frame in found.frames if frame.stop] == [None, None, 7]
 
 
+def test_every_m_code_is_sent_but_those_of_subprograms() -> None:
+    sent = [number for number in range(100) if number not in (98, 99)]
+    assert frames("|".join(f"M{number:02d}" for number in sent)) == [f"M{number}" for number in sent]
+
+
+def test_words_of_a_block_with_an_m_code_that_something_else_takes() -> None:
+    assert frames("M8 G4 P1|M9 G2 X2 Z2 R2 F9|M8 X4 Z4 R2") == [
+        "G4 M8 X1000",
+        "G2 M9 X2000 Z2000 R2000 F9",
+        "M8 X2000 Z2000 R2000",
+    ]
+
+
 def test_a_stop_alone_takes_along_what_is_new() -> None:
     assert frames("M0 S4 T3 F9 G1") == ["G1 M0 F9 S4 T3"]
 
@@ -210,6 +223,9 @@ def test_a_feed_per_turn_is_that_of_the_speed() -> None:
         ("G2 X10 Z0 I4 F5", {}, "arc_not_closed"),
         ("G2 X1 I0 K0 F5", {}, "arc_impossible"),
         ("G41 X1", {}, "compensation"),
+        ("M62 P1", {}, "word_left_over"),
+        ("M19 R90", {}, "word_left_over"),
+        ("M6 T1 D1", {}, "word_left_over"),
     ],
 )
 def test_what_cannot_be_sent_is_an_error_of_its_line(program: str, rules: dict[str, float], found: str) -> None:
