@@ -87,12 +87,11 @@ class BlockCounter:
             if letter not in _AXES:
                 continue
             place_mm = value if self._mm else value * _MM_PER_INCH
-            steps_per_mm = self._steps_per_mm.get(letter, 0.0)
-            if self._absolute:
-                before_mm = last.get(letter, place_mm)
-                moved = moved or abs(place_mm - before_mm) * steps_per_mm >= _STEPS
-                last[letter] = place_mm
-            else:
+            if not self._absolute:
                 last.pop(letter, None)
-                moved = moved or abs(place_mm) * steps_per_mm >= _STEPS
+                moved = moved or abs(place_mm) * self._steps_per_mm.get(letter, 0.0) >= _STEPS
+                continue
+            if not moved and letter in last:
+                moved = abs(place_mm - last[letter]) * self._steps_per_mm.get(letter, 0.0) >= _STEPS
+            last[letter] = place_mm
         return moved

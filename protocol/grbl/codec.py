@@ -5,7 +5,7 @@ Source: grbl II.3 (answers and push lines), II.6 ($ lines), and the table of grb
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
 from protocol.events import ProtocolFault
@@ -58,6 +58,7 @@ _OFFSET_NAMES: Final = frozenset(
 
 _OK_LINE: Final = b"ok\r\n"
 OK: Final = Heard("ok", Ok())
+_ONE_OK: Final = (OK,)
 
 
 class Decoder:
@@ -67,11 +68,13 @@ class Decoder:
         self._buffer = bytearray()
         self._skipping = False
 
-    def receive_data(self, data: bytes) -> Iterator[Heard]:
+    def receive_data(self, data: bytes) -> Iterable[Heard]:
         """The lines that are complete with `data`. Taking them is what reads: exhaust the iterator."""
         if data == _OK_LINE and not self._buffer and not self._skipping:
-            yield OK  # most of what is ever said comes so, alone
-            return
+            return _ONE_OK  # most of what is ever said comes so, alone
+        return self._lines(data)
+
+    def _lines(self, data: bytes) -> Iterator[Heard]:
         for piece in data.splitlines(keepends=True):
             self._buffer += piece
             ended = piece.endswith((b"\n", b"\r"))

@@ -56,7 +56,6 @@ from protocol.grbl.messages import (
     Banner,
     Fact,
     Message,
-    Ok,
     Options,
     ParserState,
     ProbeResult,
@@ -91,7 +90,6 @@ class GrblEngine(Watching):
             Phase.RESTARTING: self._on_no_restart,
         }
         self._handlers: dict[type, Callable[[Any, float], None]] = {
-            Ok: lambda _, now: self._on_answer(None, "", now, refused=False),
             Refusal: lambda said, now: self._on_answer(said.code, said.text, now, refused=True),
             AlarmRaised: self._on_alarm,
             Banner: self._on_banner,
@@ -114,14 +112,24 @@ class GrblEngine(Watching):
         for heard in self._decoder.receive_data(data):
             if self._phase is Phase.CLOSED:
                 return
+            if heard is OK:
+                self._on_ok(now)
+                continue
             self._frames.append((now, "<", heard.text.encode("ascii", "replace")))
             message = heard.message
             if isinstance(message, ProtocolFault):
                 self._emit(message)
                 continue
             self._poll.heard(now)
-            self._events.append(_OK_SEEN if heard is OK else MessageSeen("<", heard.text))
+            self._emit(MessageSeen("<", heard.text))
             self._handle(message, now)
+
+    def _on_ok(self, now: float) -> None:
+        """Most of what is ever said."""
+        self._frames.append((now, "<", b"ok"))
+        self._poll.quiet_since = now
+        self._events.append(_OK_SEEN)
+        self._on_answer(None, "", now, refused=False)
 
     def _handle(self, message: Message, now: float) -> None:
         head = self._active.head
@@ -316,7 +324,8 @@ class GrblEngine(Watching):
 
     def _on_answer(self, code: int | None, text: str, now: float, *, refused: bool) -> None:
         self._answered(code, text, now, refused=refused)
-        self._read_on(now)
+        if self._phase is Phase.READING:
+            self._read_on(now)
 
     def _on_options(self, options: Options, _: float) -> None:
         self._learn_rx(options.rx_bytes)

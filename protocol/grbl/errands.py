@@ -70,13 +70,16 @@ class Executed:
     def in_planner(self, blocks: int) -> list[Errand]:
         """No more than so many blocks are in the planner: what lies further back than these, and than the segments that
         are prepared already, is executed."""
-        number = 0
         left = self.blocks - blocks - SEGMENTS_AHEAD  # of certain blocks, so many have been executed
-        for line in self._open:
+        waiting = self._open
+        if not waiting or waiting[0].blocks > left:
+            return []
+        number = 0
+        for line in waiting:
             if line.blocks > left:
                 break
             number = line.number
-        return self._take(number) if number else []
+        return self._take(number)
 
     def clear(self) -> None:
         """What is open now will never be known."""

@@ -14,8 +14,12 @@ from protocol.grbl.realtime import acts_anywhere
 _NUMBER: Final = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 WORD: Final = re.compile(rf"([A-Z])({_NUMBER})")
 _PROGRAM: Final = re.compile(rf"/?(?:[A-Z]{_NUMBER})+")
-_MOVE: Final = re.compile(rf"(?:G0?[0-3](?=[A-Z]))?(?:[XYZIJKR]{_NUMBER})+(?:F{_NUMBER})?")
-"""What nearly all lines of a program are: a motion and where it goes. Of these nothing else has to be found out."""
+
+# What nearly all lines of a program are: a motion and where it goes. These are read by the quickest way there is.
+_MOVE_CHARS: Final = re.compile(r"[XYZGIJKR][-+.0-9XYZFIJKR]+")
+_BLANK_LETTERS: Final = bytes.maketrans(b"XYZFGIJKR", b"         ")
+_NUMBER_CHARS: Final = b"-+.0123456789"
+_MOTIONS: Final = frozenset({0.0, 1.0, 2.0, 3.0})
 
 # grbl II.4: interrupts are off while the EEPROM is written, and incoming bytes may be lost.
 _EEPROM_GCODES: Final = frozenset({10.0, 28.1, 30.1})
@@ -54,17 +58,35 @@ class Line:
 
 def words_of(text: str) -> Words | None:
     """Letters and numbers, or None where the line holds anything else ($, expressions, O-words' brackets)."""
-    return _words(text) if _PROGRAM.fullmatch(text) else None
-
-
-def _words(text: str) -> Words:
+    if not _PROGRAM.fullmatch(text):
+        return None
     return [(letter, float(value)) for letter, value in WORD.findall(text)]
+
+
+def _move(text: str) -> Words | None:
+    """The words of a line that has one or none of G0-G3, a word of a place, and perhaps F; None for every other."""
+    if not _MOVE_CHARS.fullmatch(text):
+        return None
+    data = text.encode("ascii")
+    letters = data.translate(None, _NUMBER_CHARS)
+    try:
+        values = [*map(float, data.translate(_BLANK_LETTERS).split())]
+    except ValueError:
+        return None  # read in full it says what is wrong
+    mode = letters[0] == 0x47  # G
+    if (
+        len(values) != len(letters)
+        or len(letters) == mode + letters.count(b"F")
+        or (mode and values[0] not in _MOTIONS)
+    ):
+        return None
+    return [*zip(letters.decode("ascii"), values, strict=True)]
 
 
 def read_line(text: str, line_chars: int) -> Line:
     """Classify a line. Raises LocalError for one that must never be sent, MessageTooLongError for one too long."""
-    if len(text) <= line_chars and _MOVE.fullmatch(text):
-        return Line(text, text.encode("ascii") + b"\n", _words(text), move=True)
+    if len(text) <= line_chars and (move := _move(text)) is not None:
+        return Line(text, text.encode("ascii") + b"\n", move, move=True)
     wrong = next((c for c in text if ord(c) > 0xFF or acts_anywhere(ord(c))), None)
     if wrong is not None:
         raise LocalError(f"a line may not hold {wrong!r}: the controller would act on it or break the line")

@@ -94,10 +94,9 @@ class Resets(Traffic):
 
     def _read_on(self, now: float) -> None:
         """An answer came while READING: the next question has its own time, the last one ends the handshake."""
-        if self._phase is Phase.READING:
-            self._due["phase"] = now + self._dialect.answer_timeout_s
-            if not self._internal:
-                self._become_ready(now)
+        self._due["phase"] = now + self._dialect.answer_timeout_s
+        if not self._internal:
+            self._become_ready(now)
 
     @property
     def _internal(self) -> list[Errand]:

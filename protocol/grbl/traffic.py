@@ -149,16 +149,11 @@ class Traffic(ABC):
 
     def _write(self, now: float) -> bytes:
         """The real-time lane, then as many lines as may go. Nothing behind a soft reset: it would be lost."""
-        urgent = b"" if self._lane.empty else self._take_lane(now)
-        if SOFT_RESET in urgent or (entry := self._next_entry()) is None:
-            out = urgent
-        else:
-            pieces = [urgent]
-            while entry is not None:
-                self._launch(entry, now)
-                pieces.append(entry.line.data)
-                entry = self._next_entry()
-            out = b"".join(pieces)
+        out = b"" if self._lane.empty else self._take_lane(now)
+        if SOFT_RESET not in out:
+            window = self._active
+            while (errand := self._next_errand()) is not None and window.takes(errand.lines[errand.sent]):
+                out += self._launch(errand, window, now)
         if out:
             self._frames.append((now, ">", out))
         return out
@@ -174,35 +169,39 @@ class Traffic(ABC):
                 self._emit(MessageSeen(">", chr(byte) if 0x20 < byte < 0x7F else f"0x{byte:02X}"))
         return urgent
 
-    def _launch(self, entry: Entry, now: float) -> None:
-        errand, line = entry.errand, entry.line
-        self._active.put(entry)
+    def _launch(self, errand: Errand, window: Window, now: float) -> bytes:
+        """The next line of an errand; of a batch as many as there is room for. There is room for one."""
         self._progress_at = now
-        if errand.batch is not None and errand.sent == 0:
-            self._emit(BatchSent(errand.batch.id, 1))
-        errand.sent += 1
         if errand.request is not None:
             self._jogging |= errand.request.jog
             if errand.request.homing:  # while it homes it says nothing of itself (II.2)
                 self._status = "home"
                 self._emit(StateReported("home", {}, frame="machine"))
+        if errand.batch is None:
+            return self._put(errand, window)
+        if errand.sent == 0:
+            self._emit(BatchSent(errand.batch.id, 1))
+        data, lines = b"", errand.lines
+        while errand.sent < len(lines) and window.takes(lines[errand.sent]):
+            data += self._put(errand, window)
+        return data
+
+    def _put(self, errand: Errand, window: Window) -> bytes:
+        line = errand.lines[errand.sent]
+        window.put(Entry(errand, errand.sent, line))
+        errand.sent += 1
         if line.tool is not None:
             self._tool = line.tool
         self._events.append(MessageSeen(">", line.text))
+        return line.data
 
-    def _next_entry(self) -> Entry | None:
-        """The next line that may go out now."""
+    def _next_errand(self) -> Errand | None:
+        """Whose line goes out next, when there is room for it."""
         if (self._phase is not Phase.READY and self._phase is not Phase.READING) or self._pendant:
             return None  # gate "pendant"
-        errand = _first_waiting(self._hand) if self._hand else None
-        if errand is not None:
-            if not self._hand_may_go(errand):
-                return None  # gate "by hand"
-        elif self._gate() is None:
-            errand = _first_waiting(self._batches)
-        if errand is None or not self._active.takes(line := errand.lines[errand.sent]):
-            return None
-        return Entry(errand, errand.sent, line)
+        if self._hand and (errand := _first_waiting(self._hand)) is not None:
+            return errand if self._hand_may_go(errand) else None  # gate "by hand"
+        return _first_waiting(self._batches) if self._gate() is None else None
 
     def _gate(self) -> str | None:
         """The gate (phases.GATES) that holds lines of programs back, or None."""
