@@ -19,11 +19,14 @@ from protocol.events import ProtocolFault
 END = b";"
 HEADER_NAMES = frozenset({"CRC16", "CRC"})
 BLANKS = " \t\r\n"
+_BLANKS = BLANKS.encode()
 CONSOLE_TEXT_LIMIT = 600
 """Characters of a message kept in a fault's text: a machine that babbles must not fill the log."""
 
 _PLAIN = re.compile(r"[!-~](?:[ -~]*[!-~])?|")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_usual_field = re.compile(r"([A-Za-z][A-Za-z0-9_]*)<#([^<\s]*)").fullmatch
+"""A plain value and no blank anywhere: what a machine writes. Everything else is taken apart with more care."""
 # elvinto §1: `SPEED<#0 ALARMNUM<#5`: the standard prints the optional fields without a comma.
 _MISSING_COMMA = re.compile(r"#\s*([-+.\d]*)\s+([A-Za-z][A-Za-z0-9_]*<.*)", re.DOTALL)
 _ASCII = bytes(range(128))
@@ -58,7 +61,7 @@ def encode_message(name: str, params: Mapping[str, str] | None = None, *, encodi
 
 
 def _encode_value(value: str, encoding: str) -> str:
-    if _PLAIN.fullmatch(value) and not any(c in value for c in ";,<"):
+    if _PLAIN.fullmatch(value) and not (";" in value or "," in value or "<" in value):
         return "#" + value
     return base64.b64encode(value.encode(encoding)).decode("ascii")
 
@@ -99,7 +102,8 @@ def parse_message(raw: bytes, encoding: str = "utf-8") -> Message:
         raise MalformedError("no message name")
     params: dict[str, str] = {}
     for part in fields:
-        for key, value in _parse_fields(part, encoding):
+        usual = _usual_field(part)
+        for key, value in _parse_fields(part, encoding) if usual is None else (usual.groups(),):
             if key in params:
                 raise MalformedError(f"{key} appears twice")
             params[key] = value
@@ -134,29 +138,33 @@ class Decoder:
 
     def __init__(self, dialect: Dialect) -> None:
         self._dialect = dialect
-        self._buffer = bytearray()
+        self._buffer = b""
         self._skipping = False
         self._header: Mapping[str, str] | None = None
         self._items: deque[Message | ProtocolFault] = deque()
 
     def receive_data(self, data: bytes) -> None:
         """Take bytes in any pieces."""
-        for chunk in re.findall(rb"[^;]*;|[^;]+", data):
-            self._buffer += chunk
-            if len(self._buffer) > self._dialect.max_message_bytes:
-                # elvinto §1: over-long is skipped up to the next `;`.
-                if not self._skipping:
-                    self._fault("too_long", f"over {self._dialect.max_message_bytes} bytes without ';'")
-                self._skipping = True
-                self._header = None
-                self._buffer.clear()
-            if chunk.endswith(END):
-                raw = bytes(self._buffer)
-                self._buffer.clear()
-                if self._skipping:
-                    self._skipping = False
-                else:
-                    self._message(raw)
+        *ended, rest = data.split(END)
+        for text in ended:
+            self._take(text + END)
+            raw, self._buffer = self._buffer, b""
+            if not self._skipping:
+                self._message(raw)
+            self._skipping = False
+        if rest:
+            self._take(rest)
+
+    def _take(self, text: bytes) -> None:
+        """Bytes of one message, to those that came before; elvinto §1: over-long is skipped up to the next `;`."""
+        if self._skipping:
+            return
+        self._buffer += text
+        if len(self._buffer) > self._dialect.max_message_bytes:
+            self._fault("too_long", f"over {self._dialect.max_message_bytes} bytes without ';'")
+            self._skipping = True
+            self._header = None
+            self._buffer = b""
 
     def next_item(self) -> Message | ProtocolFault | None:
         """The oldest message or fault that was not taken yet."""
@@ -186,7 +194,7 @@ class Decoder:
 
     def _verified(self, header: Mapping[str, str], raw: bytes) -> bool:
         # Blanks between header and message are not the message's own (§1), but a machine may count them in.
-        for covered in (raw.lstrip(BLANKS.encode()), raw):
+        for covered in (raw.lstrip(_BLANKS), raw):
             md5 = hashlib.md5(covered, usedforsecurity=False).hexdigest()
             if header.get("MD5", "").lower() == md5 and self._value(header) == checksum(covered):
                 return True
