@@ -35,13 +35,14 @@ class Panel:
         """What the controller is (api.md)."""
         return grblviews.firmware_view(self._name, await self._enquiries.firmware())
 
-    async def write_info(self, text: str) -> Json:
+    async def write_info(self, text: str, *, by: str) -> Json:
         """Store the info text; the firmware as it is read back, with a warning where the text was changed."""
         self._enquiries.check(WRITE_INFO)
         wrong = registers.unsendable("$I=", text)
         if wrong is not None:
             raise ProblemError("invalid_request", f"The info text cannot be stored: {wrong}.")
         await self._enquiries.write_info(text)
+        self._controller.stream.note("info_changed", by=by, text=text)
         view = await self.firmware()
         return {**view, "warnings": [*grblviews.info_warnings(text, view["info"]), *view["warnings"]]}
 
@@ -55,7 +56,9 @@ class Panel:
         """Offsets by name, and the last probing."""
         return grblviews.offsets_view(self._name, await self._enquiries.offsets())
 
-    async def set_offset(self, system: str, mode: Literal["here", "absolute"], axes: dict[str, float]) -> Json:
+    async def set_offset(
+        self, system: str, mode: Literal["here", "absolute"], axes: dict[str, float], *, by: str
+    ) -> Json:
         """Set a work offset, or store a place (G28, G30) where the machine stands; the offsets as they are then."""
         self._enquiries.check(WRITE_OFFSET)
         if system in registers.PLACES:
@@ -63,15 +66,15 @@ class Panel:
         else:
             words = (await self._enquiries.modal()).words
             block = registers.offset_block(system, mode, axes, inches="G20" in words)
-        return await self._run(block)
+        return await self._run(block, by)
 
-    async def clear_offset(self, name: str) -> Json:
+    async def clear_offset(self, name: str, *, by: str) -> Json:
         """Clear G92 or the tool length; the offsets as they are then."""
-        return await self._run(registers.CLEARS[name])
+        return await self._run(registers.CLEARS[name], by)
 
-    async def _run(self, block: str) -> Json:
+    async def _run(self, block: str, by: str) -> Json:
         await self._enquiries.run_offset_block(block)
-        self._controller.stream.note("offset_changed", block=block)
+        self._controller.stream.note("offset_changed", by=by, block=block)
         return await self.offsets()
 
     # --- start-up blocks ----------------------------------------------------------------------------------------
@@ -109,10 +112,10 @@ class Panel:
         """The controller's parser without motion."""
         await self._enquiries.check_mode(on=on)
 
-    async def sleep(self) -> None:
+    async def sleep(self, *, by: str) -> None:
         """Motors and spindle off."""
         await self._enquiries.sleep()
-        self._controller.stream.note("slept")
+        self._controller.stream.note("sent_to_sleep", by=by)
 
     async def restore(self, what: Literal["settings", "offsets", "all"], confirm: str, *, by: str) -> Json:
         """The firmware's defaults; what was stored is kept first."""

@@ -62,10 +62,10 @@ def _firmware(app: FastAPI, services: Services) -> None:
         model=FirmwareView,
         errors=ASKING,
     )
-    async def put_info(m: MachineName, body: InfoRequest) -> Response:
+    async def put_info(m: MachineName, body: InfoRequest, request: Request) -> Response:
         """At most 80 characters, of which 76 without blanks fit a line to Grbl. Grbl drops blanks and case: `warnings`
         say what became of the text."""
-        return json_response(await panel_of(services, m).write_info(body.info))
+        return json_response(await panel_of(services, m).write_info(body.info, by=principal_of(request).name))
 
     @routes.add(
         "GET",
@@ -103,9 +103,10 @@ def _offsets(app: FastAPI, services: Services) -> None:
         model=OffsetsView,
         errors=ASKING,
     )
-    async def set_offset(m: MachineName, body: OffsetRequest) -> Response:
+    async def set_offset(m: MachineName, body: OffsetRequest, request: Request) -> Response:
         """Moves nothing; later moves go elsewhere. Answers with the offsets as they are then."""
-        return json_response(await panel_of(services, m).set_offset(body.system, body.mode, body.given()))
+        panel, by = panel_of(services, m), principal_of(request).name
+        return json_response(await panel.set_offset(body.system, body.mode, body.given(), by=by))
 
     @routes.add(
         "DELETE",
@@ -115,9 +116,9 @@ def _offsets(app: FastAPI, services: Services) -> None:
         model=OffsetsView,
         errors=ASKING,
     )
-    async def clear_offset(m: MachineName, name: OffsetName) -> Response:
+    async def clear_offset(m: MachineName, name: OffsetName, request: Request) -> Response:
         """G92.1 or G49. Answers with the offsets as they are then."""
-        return json_response(await panel_of(services, m).clear_offset(name))
+        return json_response(await panel_of(services, m).clear_offset(name, by=principal_of(request).name))
 
 
 def _startup(app: FastAPI, services: Services) -> None:

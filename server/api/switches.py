@@ -59,9 +59,9 @@ def _modes(app: FastAPI, services: Services) -> None:
         status=202,
         errors=ASKING,
     )
-    async def sleep(m: MachineName) -> Response:
+    async def sleep(m: MachineName, request: Request) -> Response:
         """Motors, spindle and coolant off. Only a reset wakes it up, in alarm: its position may be lost."""
-        await panel_of(services, m).sleep()
+        await panel_of(services, m).sleep(by=principal_of(request).name)
         return accepted(m, "sleep")
 
     @routes.add(

@@ -46,11 +46,12 @@ def test_the_info_text_and_what_became_of_it(tmp_path: Path) -> None:
     async def main() -> None:
         world = bench(tmp_path)
         shop = await world.ready()
-        shown = await world.panel.write_info("my mill (old)")
+        shown = await world.panel.write_info("my mill (old)", by="ann")
         assert (shown["info"], world.machine.core.memory.build_info) == ("MYMILL", "MYMILL")
         assert shown["warnings"][0].startswith("it is stored as 'MYMILL'")
-        assert (await world.panel.write_info("MILL2"))["warnings"] == []
-        assert (await world.panel.write_info(""))["info"] == ""
+        assert (await world.panel.write_info("MILL2", by="ann"))["warnings"] == []
+        assert (await world.panel.write_info("", by="ann"))["info"] == ""
+        assert [one["text"] for one in world.history("info_changed")] == ["my mill (old)", "MILL2", ""]
         await shop.stop()
 
     run_simulated(main())
@@ -62,7 +63,7 @@ def test_an_info_text_that_cannot_be_stored(tmp_path: Path, text: str) -> None:
         world = bench(tmp_path)
         shop = await world.ready()
         before = world.sent()
-        assert (await refusal(world.panel.write_info(text))).code == "invalid_request"
+        assert (await refusal(world.panel.write_info(text, by="ann"))).code == "invalid_request"
         assert world.sent() == before
         await shop.stop()
 
@@ -78,15 +79,16 @@ def test_offsets_are_set_where_the_machine_stands_and_where_it_is_said(tmp_path:
         world = bench(tmp_path)
         shop = await world.ready()
         await _at(world, "G21 G90 G0 X10 Y20 Z-3")
-        shown = await world.panel.set_offset("G54", "here", {"x": 0.0, "y": 5.0})
+        shown = await world.panel.set_offset("G54", "here", {"x": 0.0, "y": 5.0}, by="ann")
         assert shown["offsets"]["G54"] == {"x": 10.0, "y": 15.0, "z": 0.0}
         assert world.machine.core.memory.coords["G54"] == (10.0, 15.0, 0.0)
-        shown = await world.panel.set_offset("G59", "absolute", {"z": -30.25})
+        shown = await world.panel.set_offset("G59", "absolute", {"z": -30.25}, by="ann")
         assert shown["offsets"]["G59"]["z"] == -30.25
-        shown = await world.panel.set_offset("active", "here", {"z": 1.0})
+        shown = await world.panel.set_offset("active", "here", {"z": 1.0}, by="ann")
         assert shown["offsets"]["G54"]["z"] == -4.0
-        shown = await world.panel.set_offset("G28", "here", {})
+        shown = await world.panel.set_offset("G28", "here", {}, by="ann")
         assert shown["offsets"]["G28"] == {"x": 10.0, "y": 20.0, "z": -3.0}
+        assert {one["by"] for one in world.history("offset_changed")} == {"ann"}
         assert [one["block"] for one in world.history("offset_changed")] == [
             "G10L20P1X0Y5", "G10L2P6Z-30.25", "G10L20P0Z1", "G28.1"
         ]  # fmt: skip
@@ -100,7 +102,7 @@ def test_offsets_are_millimetres_also_where_the_controller_reads_inches(tmp_path
         world = bench(tmp_path)
         shop = await world.ready()
         await _at(world, "G20")
-        shown = await world.panel.set_offset("G55", "absolute", {"x": 25.4})
+        shown = await world.panel.set_offset("G55", "absolute", {"x": 25.4}, by="ann")
         assert shown["offsets"]["G55"]["x"] == pytest.approx(25.4, abs=0.001)
         assert world.machine.core.memory.coords["G55"][0] == pytest.approx(25.4, abs=0.001)
         assert (await world.panel.modal())["groups"]["units"] == "G20", "its modes are left alone"
@@ -117,8 +119,8 @@ def test_offsets_that_are_not_stored_are_cleared(tmp_path: Path) -> None:
         await _at(world, "G43.1 Z2")
         shown = await world.panel.offsets()
         assert (shown["offsets"]["G92"]["x"], shown["offsets"]["TLO"]["z"]) == (-5.0, 2.0)
-        assert (await world.panel.clear_offset("G92"))["offsets"]["G92"]["x"] == 0.0
-        assert (await world.panel.clear_offset("TLO"))["offsets"]["TLO"]["z"] == 0.0
+        assert (await world.panel.clear_offset("G92", by="ann"))["offsets"]["G92"]["x"] == 0.0
+        assert (await world.panel.clear_offset("TLO", by="ann"))["offsets"]["TLO"]["z"] == 0.0
         await shop.stop()
 
     run_simulated(main())
@@ -128,7 +130,7 @@ def test_a_system_that_the_controller_lacks(tmp_path: Path) -> None:
     async def main() -> None:
         world = bench(tmp_path)
         shop = await world.ready()
-        problem = await refusal(world.panel.set_offset("G59.3", "here", {"x": 0.0}))
+        problem = await refusal(world.panel.set_offset("G59.3", "here", {"x": 0.0}, by="ann"))
         assert problem.code == "command_failed"
         assert "error:" in problem.detail
         await shop.stop()
@@ -206,7 +208,7 @@ def test_sleep_ends_with_a_reset(tmp_path: Path) -> None:
     async def main() -> None:
         world = bench(tmp_path)
         shop = await world.ready()
-        await world.panel.sleep()
+        await world.panel.sleep(by="ann")
         await world.reaches("sleep")
         await world.controller.reset()
         await world.reaches("alarm")
@@ -225,8 +227,8 @@ def test_defaults_come_back_and_everything_is_kept_before(tmp_path: Path) -> Non
         panel = world.panel
         await panel.settings.change({110: "600"}, by="ann")
         await panel.write_startup_blocks(["G21"], force=False, by="ann")
-        await panel.write_info("MILL")
-        await panel.set_offset("G54", "absolute", {"x": 7.0})
+        await panel.write_info("MILL", by="ann")
+        await panel.set_offset("G54", "absolute", {"x": 7.0}, by="ann")
         assert (await refusal(panel.restore("all", "lathe", by="ann"))).code == "invalid_request"
         assert world.stored(110) == "600.000"
         answer = await panel.restore("all", "router", by="ann")
