@@ -75,17 +75,18 @@ def _offsets_into(state: State, offsets: Offsets | None, *, known: bool) -> None
         return
     for number, name in enumerate(SYSTEM_NAMES, 1):
         if name in offsets:
-            state.systems[number] = _row(state, offsets[name])
+            state.systems[number] = _row(state, offsets[name], nan)
     for name, number in _HOMES.items():
         if name in offsets:
-            state.homes[number] = _row(state, offsets[name])
-    state.shift = _row(state, offsets.get("G92", {}))
+            state.homes[number] = _row(state, offsets[name], nan)
+    state.shift = _row(state, offsets.get("G92", {}), 0.0)
     state.shift_active = any(state.shift)
-    state.tool_offset = _row(state, offsets.get("TLO", {}))
+    state.tool_offset = _row(state, offsets.get("TLO", {}), 0.0)
 
 
-def _row(state: State, at: Mapping[str, float]) -> list[float]:
-    return [at.get(axis.lower(), 0.0) for axis in state.axes]
+def _row(state: State, at: Mapping[str, float], untold: float) -> list[float]:
+    """A profile has more axes than most machines: those that are not told of have no place."""
+    return [at.get(axis.lower(), untold) for axis in state.axes]
 
 
 def _modes_into(state: State, words: tuple[str, ...], profile: Profile) -> None:

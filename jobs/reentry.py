@@ -16,7 +16,7 @@ from gcode.held import SYSTEM_NAMES, Held, state_of
 from gcode.interpreter import Interpreter
 from gcode.offsets import adrift
 from gcode.profile import Profile
-from gcode.resume import CannotResumeError, Past, Reentry, Way, past_of, plan_reentry
+from gcode.resume import CannotResumeError, Past, Reentry, Step, Way, past_of, plan_reentry
 from gcode.state import State
 from gcode.words import Block, decode_line, parse_block
 from jobs.restart import CannotStartError, Lines
@@ -74,7 +74,7 @@ def plan_at(course: Course, way: Way, *, began: Held | None, now: Held) -> Reent
         plan = plan_reentry(past, rest, profile, way, position=position)
     except CannotResumeError as error:
         raise CannotStartError(str(error), reason=error.reason) from error
-    return replace(plan, warnings=(*_doubts(past, began, now), *plan.warnings))
+    return replace(plan, steps=_heard(plan.steps, now), warnings=(*_doubts(past, began, now), *plan.warnings))
 
 
 def has_kept_its_modes(course: Course, *, began: Held | None, now: Held, laser: bool) -> bool:
@@ -148,6 +148,14 @@ def _pieces(lines: Lines) -> Iterator[bytes]:
     source = iter(lines)
     while taken := [raw for _, raw in islice(source, PIECE_LINES)]:
         yield b"\n".join(taken) + b"\n"
+
+
+def _heard(steps: tuple[Step, ...], now: Held) -> tuple[Step, ...]:
+    """Without modes that this build does not have: grblHAL names G7 or G8 where it is built for a lathe, and refuses
+    both elsewhere."""
+    if not now.modal or {"G7", "G8"} & set(now.modal):
+        return steps
+    return tuple(step for step in steps if step.text != "G8")
 
 
 def _place_in(before: State, now: Held, profile: Profile) -> dict[str, float]:

@@ -147,3 +147,14 @@ def test_a_controller_that_was_reset_does_not_hold_what_the_lines_have_set() -> 
     assert not kept("G1 G54 G17 G21 G90 G94 M3 M9 T0 F300 S900", G92={"x": 1.0, "y": 0.0, "z": 0.0})
     assert not kept("")
     assert not kept("G1 G54 G17 G21 G90 G94 M3 M9 T0 F300 S900", began=None)
+
+
+def test_a_grblhal_that_names_no_diameter_mode_is_not_told_one() -> None:
+    """It refuses G8 unless it is built for a lathe."""
+    hal = load_profile("grblhal")
+    lines = list(numbered(PROGRAM))
+    course = Course(lambda: lines[:5], lambda: lines[5:], 6, hal, "utf-8")
+    for modal, said in ((AT_RESET, False), ((*AT_RESET, "G8"), True), ((), True)):
+        now = Held(modal, offsets(), NOW.position)
+        assert ("G8" in plan_at(course, WAY, began=NOW, now=now).blocks) == said, modal
+    assert "A" not in "".join(plan_at(course, WAY, began=NOW, now=NOW).blocks), "it has three axes, and named three"
