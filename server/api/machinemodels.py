@@ -56,8 +56,8 @@ STATE_EXAMPLE: dict[str, Any] = {
 class StateView(BaseModel):
     """The last known state. `feed` in mm/min, `spindle` in rpm, `overrides` in percent; null where it is not known.
 
-    `accessories` are those that run, `pendant`: one owns the machine (MPG), `substate` as the controller numbers it (Grbl:
-    Hold 0 stands, 1 decelerates; Door 0 to 3).
+    `accessories` are those that run, `pendant`: one owns the machine (MPG), `substate` as the controller numbers it
+    (Grbl: Hold 0 stands, 1 decelerates; Door 0 to 3).
     """
 
     model_config = example(**STATE_EXAMPLE)

@@ -115,9 +115,9 @@ Needs the role `viewer` (a bearer token, or the session cookie). Query: `topics=
 
 Every message of the server is `{"seq", "type", "machine", "at", "data"}`. The first is `hello`; its `data` holds
 `machines`, `jobs` and `queues` (by machine) as they are now, and `resync`: false when everything since `since` follows,
-true when that is not known any more, so that only the snapshot counts; `problem` says why jobs could not be listed. Then
-`state`, `job`, `queue`, `console`, `alarm`, `tool`, `io`,
-`program` and `log`. State is coalesced: always the newest, at most `rate` a second. Console lines are left out for a
+true when that is not known any more, so that only the snapshot counts; `problem` says why jobs could not be listed.
+Then `state`, `job`, `queue`, `console`, `alarm`, `tool`, `io`, `program` and `log`.
+State is coalesced: always the newest, at most `rate` a second. Console lines are left out for a
 slow reader. Everything else is never left out: a reader that does not take it is disconnected (1013) and can come
 back with `since`.
 
