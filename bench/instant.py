@@ -9,6 +9,7 @@ import os
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,9 +52,22 @@ async def measured(mill: Mill, running: Daemon, *, from_block: int, within_s: fl
     )
 
 
-async def _work(program: Iterator[str], lines: int, folder: Path) -> Work:
+@contextmanager
+def _processors() -> Iterator[list[int]]:
+    """Those that we may use; in the end we may use them again, whatever was set meanwhile."""
+    ours = sorted(os.sched_getaffinity(0))
+    try:
+        yield ours
+    finally:
+        os.sched_setaffinity(0, ours)
+
+
+async def _work(program: Iterator[str], lines: int, folder: Path, processors: list[int]) -> Work:
     mill = Mill(SimSettings(instant=True, executed_limit=1000))
+    # A machine has a processor of its own. Left alone, the system puts two processes that wake each other on one.
+    os.sched_setaffinity(0, processors[1:] or processors)  # the daemon inherits it
     async with mill.serve(), daemon(folder, mill) as running:
+        os.sched_setaffinity(0, processors[:1])
         job = await running.run(await running.upload(program))
         work = await measured(mill, running, from_block=int(lines * WARM_UP))
         await running.settled(job, "completed")
@@ -72,8 +86,8 @@ def figures(found: Work) -> Iterator[Figure]:
 
 def work(program: Iterator[str], lines: int, *, base: Path | None = None) -> Work:
     """One job of one daemon, with its data below `base`."""
-    with tempfile.TemporaryDirectory(prefix="millstream-bench-", dir=base) as folder:
-        return asyncio.run(_work(program, lines, Path(folder)))
+    with tempfile.TemporaryDirectory(prefix="millstream-bench-", dir=base) as folder, _processors() as processors:
+        return asyncio.run(_work(program, lines, Path(folder), processors))
 
 
 def syncs_a_second(count: int = 200) -> float:
