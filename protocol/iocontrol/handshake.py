@@ -191,7 +191,6 @@ class Handshake:
         if self.prepared is None or self.prepared.number == self.tool:
             self._close(Trigger.SKIP, skipped=True)
             return
-        self.interrupted = None
         self._board.put(Pin.TOOL_CHANGE, True)
         self._go(Trigger.LOAD)
         self.wait.begin(self._config.change_timeout_s)

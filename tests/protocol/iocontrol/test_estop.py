@@ -80,6 +80,18 @@ def test_reset() -> None:
     assert round(scene.now - before, 6) == 0.02
     assert scene.inputs(emc_abort_ack=True) == "emc-abort-ack^ | emc-abort_"
     assert scene.io.start_refusal is None
+    assert scene.io.next_timer() is None
+
+
+def test_press_reset_and_the_end_of_the_pulse_are_steps_of_their_own() -> None:
+    scene = Scene(IoConfig(kind="external", start_in_estop=False, ack_timeout_s=0.0))
+    scene.io.coolant(scene.tick(), flood=True)
+    scene.io.estop("user", scene.tick())
+    scene.io.estop_reset(scene.tick())
+    assert scene.run_timer() == (
+        "coolant-flood^ | user-enable-out_, coolant-flood_ | emc-reason=6"
+        " | user-enable-out^, user-request-enable^, emc-reason=5 | user-request-enable_"
+    )
 
 
 def test_reset_waits_for_the_chain_as_long_as_its_pulse() -> None:
@@ -133,6 +145,7 @@ def test_estop_in_the_middle_of_a_reset() -> None:
     scene.sequence()
     scene.io.estop("user", scene.tick())
     assert scene.sequence() == "user-enable-out_, user-request-enable_ | emc-reason=6"
+    assert scene.io.waiting_for.deadline_at == scene.io.next_timer()  # the pulse is over, no timer of it is left
     scene.io.estop_reset(scene.tick())
     scene.io.estop("external", scene.tick())
     assert scene.io.estop_state is EStop.EXTERNAL

@@ -41,6 +41,13 @@ def test_fault_while_idle_lets_the_next_m6_abort() -> None:
     assert scene.inputs(emc_abort_ack=True) == "emc-abort-ack^ | emc-abort_"
 
 
+def test_the_abort_of_the_next_m6_is_a_step_of_its_own() -> None:
+    scene = prepared(external())
+    scene.io.set_inputs({"toolchanger-fault": True}, scene.tick())
+    scene.io.change(scene.tick())
+    assert scene.sequence() == f"toolchanger-fault^ | {SEEN} | emc-reason=101, emc-abort^"
+
+
 def test_the_reason_is_latched_with_the_fault() -> None:
     scene = prepared(external())
     fault(scene, 4)

@@ -143,6 +143,14 @@ def test_an_m6_waits_for_the_t_before_it() -> None:
     ]
 
 
+def test_each_request_is_a_step_of_its_own() -> None:
+    scene = external(START)
+    scene.io.prepare(5, scene.tick())
+    scene.io.start_change(scene.tick())
+    scene.sequence()
+    assert scene.inputs(tool_prepared=True) == "tool-prepared^ | tool-prepare_ | start-change^"
+
+
 def test_a_t_behind_an_m6_waits_until_it_is_over() -> None:
     scene = changing(external())
     scene.io.prepare(7, scene.tick())
@@ -196,6 +204,17 @@ def test_m6_after_a_t_that_was_aborted_is_an_m6_without_t() -> None:
     scene.io.prepare(5, scene.tick())
     scene.io.abort(AbortReason.USER, scene.tick())
     scene.inputs(emc_abort_ack=True)
+    scene.io.change(scene.tick())
+    scene.sequence()
+    assert [end.cause for end in scene.ends if isinstance(end, ChangeFailed)] == ["not_prepared"]
+
+
+def test_a_t_that_came_to_nothing_leaves_no_earlier_one_prepared() -> None:
+    scene = prepared(external(), 7)
+    scene.io.prepare(5, scene.tick())
+    scene.io.abort(AbortReason.USER, scene.tick())
+    scene.inputs(emc_abort_ack=True)
+    assert scene.io.prepared is None
     scene.io.change(scene.tick())
     scene.sequence()
     assert [end.cause for end in scene.ends if isinstance(end, ChangeFailed)] == ["not_prepared"]

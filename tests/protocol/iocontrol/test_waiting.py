@@ -157,7 +157,8 @@ def test_a_person_who_changes_tools_is_reminded() -> None:
 def test_the_moves_to_the_change_position_are_visible_and_have_no_timeout_here() -> None:
     scene = prepared(external())
     scene.io.start_change(scene.tick())
-    assert (scene.io.waiting_for.what, scene.io.next_timer()) == ("position", None)
+    assert scene.io.waiting_for == WaitingFor("position", 5, scene.now, None)
+    assert scene.io.next_timer() is None
     assert not scene.io.may_confirm
 
 
