@@ -1,6 +1,7 @@
 """A job on a virtual Grbl is broken off, its plan is shown over HTTP, and it is taken up on the operator's word."""
 
 import asyncio
+import json
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -250,5 +251,41 @@ def test_a_reset_shows_in_what_the_controller_holds(tmp_path: Path, reset: bool)
         jobs = bench.shop.jobs
         against = await TakingUp(jobs.db, jobs._starter).against(router, await jobs.row(job))
         assert (against is None) == (not reset)
+
+    told(tmp_path, story)
+
+
+def test_where_everything_is_proven_it_goes_on_as_if_nothing_had_been(tmp_path: Path) -> None:
+    """Somebody knows that all that was inside was executed, as it was here: no plan, no line twice."""
+
+    async def story(bench: GrblBench, client: httpx.AsyncClient, router: Controller) -> None:
+        job = await interrupted(bench, router)
+        assert bench.shop is not None
+        ran = len(bench.executed())
+
+        place = json.dumps(dict(router.program_position))
+
+        def prove(db: Any) -> None:
+            db.execute(
+                "update batches set status = 'ok', \"end\" = ? where job = ? and line_from <= ?", [place, job, ran]
+            )
+            columns = "line_done = ?, error_line_from = null, error_line_to = null"
+            db.execute(f"update jobs set {columns} where id = ?", [ran, job])
+
+        await bench.shop.db.run(prove)
+        plan = await ask(client, job)
+        assert (plan["can_continue"], plan["why_not"], plan["certain_line"]) == (True, None, ran)
+        await router.run_blocks(["G0 X11"])
+        moved = await ask(client, job, {"action": "continue"}, status=409)
+        assert "moved" in moved["detail"]
+        expected = plan["position_expected"]
+        await router.run_blocks([f"G0 X{expected['x']:g} Y{expected['y']:g}"])
+        changed = await ask(client, job, {"action": "continue"}, status=409)
+        assert "reset" in changed["detail"], "the program stands in G1"
+        await router.run_blocks(["G1 F1200"])
+        before = len(bench.machine.executed)
+        await ask(client, job, {"action": "continue"})
+        await bench.status(job, "completed")
+        assert cuts(bench, before) == wanted(ran + 1)
 
     told(tmp_path, story)
