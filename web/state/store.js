@@ -28,7 +28,15 @@ onMessage((message) => batch(() => {
   if (message.type !== "hello") return;
   role.value = message.data.role ?? "viewer";
   aheadMs = Date.now() - Date.parse(message.at);
+  learnActive();
 }));
+
+/** `hello` has the newest jobs; one that has stood interrupted for weeks may be older than all of them. */
+function learnActive() {
+  const { order, machines, jobs } = world.peek();
+  const unknown = order.map((name) => machines[name].active_job).filter((id) => id !== null && !(id in jobs));
+  for (const id of unknown) get(`/jobs/${id}`).then(learnJob, () => {});
+}
 
 /** How long ago something was by the daemon's clock. @param {string} at @returns {number} seconds */
 export const secondsSince = (at) => Math.max(0, (Date.now() - aheadMs - Date.parse(at)) / 1000);
