@@ -289,3 +289,26 @@ def test_where_everything_is_proven_it_goes_on_as_if_nothing_had_been(tmp_path: 
         assert cuts(bench, before) == wanted(ran + 1)
 
     told(tmp_path, story)
+
+
+def test_a_plan_that_is_broken_off_itself_is_made_anew_for_the_same_line(tmp_path: Path) -> None:
+    async def story(bench: GrblBench, client: httpx.AsyncClient, router: Controller) -> None:
+        job = await interrupted(bench, router)
+        line = (await ask(client, job, WAY))["next_line"]
+        slow = {"action": "from_line", "force": True, **WAY, "spindle_wait": 30.0}
+        await ask(client, job, slow)
+        await asyncio.sleep(10)
+        bench.cable.pull()
+        await bench.status(job, "interrupted")
+        await bench.cable.live_alone(60.0)
+        bench.cable.plugged = True
+        await until(lambda: router.link_status == "connected" and router.state.status == "idle", within_s=60)
+        plan = await ask(client, job, WAY)
+        assert (plan["certain_line"], plan["next_line"]) == (line - 1, line)
+        before = len(bench.machine.executed)
+        await ask(client, job, {"action": "from_line", "force": True, **WAY})
+        await bench.status(job, "completed")
+        _, *rest = cuts(bench, before)
+        assert rest == wanted(line)
+
+    told(tmp_path, story)
