@@ -7,6 +7,7 @@ before it began (elvinto §5.4).
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 from math import isnan
 
 from gcode.held import Held, state_of
@@ -247,17 +248,17 @@ class BatchPlanner:
 
 def _fitting(items: Iterable[Upcoming], limits: BatchLimits) -> int:
     """How many of these blocks fit into one batch. One motion alone may be too long: it cannot be divided."""
+    most_s, most_bytes = limits.max_batch_seconds, limits.max_batch_bytes
     size_bytes = -1  # one separator less than blocks
     cost_s = 0.0
     timed = 0
     count = 0
-    for item in items:
+    for item in islice(items, limits.max_batch_blocks):
         size_bytes += len(item.text) + 1
         if item.cost_s > 0.0:
             cost_s += item.cost_s
             timed += 1
-        too_long = cost_s > limits.max_batch_seconds and timed > 1
-        if too_long or size_bytes > limits.max_batch_bytes or count == limits.max_batch_blocks:
+        if size_bytes > most_bytes or (cost_s > most_s and timed > 1):
             break
         count += 1
     return count
