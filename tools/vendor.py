@@ -18,6 +18,8 @@ from pathlib import Path
 VENDOR = Path(__file__).resolve().parents[1] / "web" / "vendor"
 MANIFEST = "vendor.json"
 SOURCE_MAP = re.compile(rb"\n?//# sourceMappingURL=\S+\s*$")
+BARE_IMPORT = re.compile(rb"""((?<!["'])\b(?:from|import)\s*)["']([^"'./\n][^"'\n]*)["']""")
+"""`"from"` in quotes is a word of a comment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,48 @@ PARTS = (
             ("@preact/signals-core", "signals-core.js"),
         ),
     ),
+    Part(
+        "uplot",
+        "1.6.32",
+        "dist/uPlot.esm.js",
+        "5dd9b3281aa64b461b42d9945f6adb2649d346502b12281a9ae0d46599a80eba",
+        "uplot.js",
+        "MIT",
+    ),
+    Part(
+        "uplot",
+        "1.6.32",
+        "dist/uPlot.min.css",
+        "df630c6a8d6f8eeaff264b50f73ce5b114f646ffd9a0bb74f049b0a00135fa04",
+        "uplot.css",
+        "MIT",
+    ),
+    Part(
+        "three",
+        "0.187.0",
+        "build/three.core.js",
+        "613e370f76638fdef83926642bf256dc9615684922de1ce1f63a8583e5d78578",
+        "three.core.js",
+        "MIT",
+    ),
+    Part(
+        "three",
+        "0.187.0",
+        "build/three.module.js",
+        "104f56145899722094556490d787aae0617cc2fc3382f31df02d724ea1aee341",
+        "three.module.js",
+        "MIT",
+    ),
+    Part(
+        "three",
+        "0.187.0",
+        "examples/jsm/controls/OrbitControls.js",
+        "e7fca2fe9e7670a828af9b28084669a5909445b7f36f1f26cee9bf8f2961c32c",
+        "orbit-controls.js",
+        "MIT",
+        # The second stands in its documentation only.
+        imports=(("three", "three.module.js"), ("three/addons/controls/OrbitControls.js", "orbit-controls.js")),
+    ),
 )
 
 
@@ -103,7 +147,7 @@ def vendored(part: Part, content: bytes) -> bytes:
             raise VendorError(f"{part.package} {part.file} imports {target!r}, which is not vendored")
         return match[1] + f'"./{known[target]}"'.encode()
 
-    body = re.sub(rb"""(\b(?:from|import)\s*)["']([^"'./][^"']*)["']""", relative, SOURCE_MAP.sub(b"", content))
+    body = BARE_IMPORT.sub(relative, SOURCE_MAP.sub(b"", content))
     name = f"{part.package} {part.version}, {part.file}. Licence: {part.licence}, see {licence_name(part)}."
     return f"/* {name} Written by tools/vendor.py: do not edit. */\n".encode() + body.rstrip() + b"\n"
 
