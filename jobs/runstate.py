@@ -87,6 +87,12 @@ class RunState:
         return self._wishes.hold or self._standing
 
     @property
+    def can_pause(self) -> bool:
+        """Nobody has demanded a pause yet. That the machine holds may be the old news of one that has just gone on."""
+        paused = self.status is Status.PAUSED and not self._wishes.hold
+        return paused or self.status in (Status.RUNNING, Status.WAITING)
+
+    @property
     def cancelling(self) -> bool:
         """Its end is demanded."""
         return self._wishes.cancel

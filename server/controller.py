@@ -53,7 +53,7 @@ class Controller(Machine):
     def pause(self) -> None:
         """Stand still: at once where the machine can, else after the batch in flight. Raises ProblemError."""
         runner = self.stream.runner
-        runs = runner is not None and runner.status in (Status.RUNNING, Status.WAITING)
+        runs = runner is not None and runner.can_pause
         by_hand = runner is None and self.state.status in ("run", "jog")
         if runs or by_hand:
             self._urge(self.verbs.hold)

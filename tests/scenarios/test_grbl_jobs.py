@@ -121,6 +121,27 @@ def test_pause_holds_in_the_middle_of_a_batch_and_resume_goes_on(tmp_path: Path)
     simulated(tmp_path, story)
 
 
+def test_a_pause_right_behind_a_resume_is_obeyed_although_the_last_report_says_hold(tmp_path: Path) -> None:
+    async def story(bench: GrblBench, shop: Workshop, router: Controller) -> None:
+        job = await bench.job(zigzag(100))
+        await state_is(router, "run")
+        router.pause()
+        await bench.status(job["id"], "paused", within_s=1.0)
+        await until(lambda: router.state.substate == 0, within_s=1.0)
+        router.resume()
+        assert router.state.status == "hold", "the report from before it"
+        router.pause()
+        done = len(bench.executed())
+        await asyncio.sleep(5)
+        view = await bench.status(job["id"], "paused", within_s=0.1)
+        assert view["hold"] is True
+        assert len(bench.executed()) <= done + 16, "only what was in its buffer was parsed"
+        router.resume()
+        await bench.status(job["id"], "completed")
+
+    simulated(tmp_path, story)
+
+
 def test_a_hold_at_the_machine_is_a_pause_and_its_door_too(tmp_path: Path) -> None:
     async def story(bench: GrblBench, shop: Workshop, router: Controller) -> None:
         job = await bench.job(zigzag(60))
