@@ -16,6 +16,8 @@ from sim.faults import MESSAGES, FaultRates, Framing, HostileWire
 from sim.kinds import Recorded, Settings, build
 
 READ_BYTES = 65_536
+NEVER = (None, None, None)
+"""No timer of machine or wires is running."""
 
 
 class Machine(Protocol):
@@ -85,9 +87,8 @@ class Pump:
     def _arm(self) -> None:
         self.stop()
         timers = (self.machine.next_timer(), self._down.next_timer(), self._up.next_timer())
-        at = min((timer for timer in timers if timer is not None), default=None)
-        if at is not None:
-            self._timer = self._loop.call_at(at, self.turn)
+        if timers != NEVER:
+            self._timer = self._loop.call_at(min(at for at in timers if at is not None), self.turn)
 
 
 class MemoryLink:

@@ -93,13 +93,14 @@ class CheckHeader:
         """Raises MalformedError when VALUE or MD5 is missing or no number stands where one must."""
         try:
             wire_id = found.params.get("ID")
-            numbers = [found.params["VALUE"], b"0" if wire_id is None else wire_id]
-            if not all(number.isalnum() for number in numbers):  # int() would also take blanks, signs and `_`
+            value = found.params["VALUE"]
+            # int() would also take blanks, signs and `_`.
+            if not value.isalnum() or not (wire_id is None or wire_id.isalnum()):
                 raise MalformedError("a number with signs in it")
             return cls(
-                value=int(numbers[0], radix),
+                value=int(value, radix),
                 md5=found.params["MD5"].decode("ascii").lower(),
-                id=None if wire_id is None else int(numbers[1]),
+                id=None if wire_id is None else int(wire_id),
             )
         except (KeyError, ValueError) as error:
             raise MalformedError("header without a readable VALUE and MD5") from error
