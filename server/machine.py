@@ -132,6 +132,7 @@ class Machine:
             "port": self.config.port,
             "link": self.link_status,
             "capabilities": list(self.verbs.capabilities),
+            "travel": {axis: list(reach) for axis, reach in self.config.motion.travel.known().items()},
             "state": self.state_view(),
             "active_job": self.stream.active_job,
             "queue_length": self.queue_length(),
@@ -302,7 +303,9 @@ class Machine:
     def _publish_state(self) -> None:
         self._state_seq += 1
         self._state_at = stamp(self._clock)
-        self._hub.publish("state", self.name, lambda: {**self.state_view(), "link": self.link_status})
+        self._hub.publish(
+            "state", self.name, lambda: {**self.state_view(), "link": self.link_status, **self._acks.view()}
+        )
 
     def _seen(self, message: MessageSeen) -> None:
         if message.direction == "<":

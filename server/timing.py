@@ -1,4 +1,4 @@
-"""How long the machine takes to acknowledge and to execute: samples for the metrics.
+"""How long the machine takes to acknowledge and to execute: samples for the metrics, the newest for the plots.
 
 Not the estimate (gcode) and not a deadline (the engine has those). The one rule: what was sent more than once says
 nothing about latency, for nobody knows which copy was answered.
@@ -7,26 +7,39 @@ nothing about latency, for nobody knows which copy was answered.
 from protocol.events import BatchDone, BatchReceived, BatchSent, Event
 from server.metrics import MachineMetrics
 
+MOST_IN_FLIGHT = 256
+"""Batches whose beginning is remembered: more than any machine takes at once; those that a break left open go first."""
+
 
 class AckTimer:
-    """Watches the one batch in flight."""
+    """Watches the batches in flight: one with an ElVinto machine, several with a Grbl."""
 
     def __init__(self, metrics: MachineMetrics) -> None:
         self._metrics = metrics
-        self._id: int | None = None
-        self._sent_at = 0.0
-        self._repeated = False
+        self._sent_at: dict[int, float] = {}
+        self._ack_s: float | None = None
+        self._batch_s: float | None = None
 
     def handle(self, event: Event, now: float) -> None:
         """An event of the engine, in the loop's time."""
         match event:
             case BatchSent(id=id, attempt=1):
-                self._id, self._sent_at, self._repeated = id, now, False
-            case BatchSent():
-                self._repeated = True
-            case BatchReceived(id=id) if id == self._id and not self._repeated:
-                self._metrics.ack_latency.observe(now - self._sent_at)
-            case BatchDone(id=id, inferred=False) if id == self._id and not self._repeated:
-                self._metrics.batch_seconds.observe(now - self._sent_at)
+                self._sent_at[id] = now
+                if len(self._sent_at) > MOST_IN_FLIGHT:
+                    del self._sent_at[next(iter(self._sent_at))]
+            case BatchSent(id=id):
+                self._sent_at.pop(id, None)
+            case BatchReceived(id=id) if id in self._sent_at:
+                self._ack_s = now - self._sent_at[id]
+                self._metrics.ack_latency.observe(self._ack_s)
+            case BatchDone(id=id, inferred=inferred):
+                sent_at = self._sent_at.pop(id, None)
+                if sent_at is not None and not inferred:
+                    self._batch_s = now - sent_at
+                    self._metrics.batch_seconds.observe(self._batch_s)
             case _:
                 pass
+
+    def view(self) -> dict[str, float | None]:
+        """The newest of both, s; null before the first."""
+        return {name: value and round(value, 4) for name, value in (("ack_s", self._ack_s), ("batch_s", self._batch_s))}

@@ -84,6 +84,7 @@ MACHINE_EXAMPLE: dict[str, Any] = {
     "port": "/dev/ttyUSB0",
     "link": "connected",
     "capabilities": ["home", "unlock", "reset", "estop", "pause", "jog", "commands", "sd"],
+    "travel": {"x": [0.0, 300.0], "y": [0.0, 200.0], "z": [-80.0, 0.0]},
     "state": STATE_EXAMPLE,
     "active_job": 17,
     "queue_length": 2,
@@ -92,7 +93,8 @@ MACHINE_EXAMPLE: dict[str, Any] = {
 
 
 class MachineView(BaseModel):
-    """A machine. `active_job` is the id of the job that uses it, `queue_length` counts the jobs that wait."""
+    """A machine. `active_job` is the id of the job that uses it, `queue_length` counts the jobs that wait, `travel` is
+    the reach of each axis in machine coordinates, mm (degrees), as configured; an axis without it is absent."""
 
     model_config = example(**MACHINE_EXAMPLE)
     name: str
@@ -100,6 +102,7 @@ class MachineView(BaseModel):
     port: str
     link: Literal["disconnected", "connecting", "connected"]
     capabilities: list[str]
+    travel: dict[str, tuple[float, float]]
     state: StateView
     active_job: Any
     queue_length: int

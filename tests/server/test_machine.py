@@ -1,6 +1,7 @@
 """What happens to a machine: epochs, IDs that never go back, states, and noise that does not drown what matters."""
 
 import asyncio
+import json
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import pytest
 from protocol.engine import OpenWork
 from protocol.events import (
     Alarm,
+    BatchReceived,
+    BatchSent,
     LinkLost,
     LinkReady,
     MachineRestarted,
@@ -202,6 +205,21 @@ def test_states_have_a_rising_number_and_a_time(tmp_path: Path) -> None:
         assert after["seq"] > before["seq"]
         assert after["at"] > before["at"]
         assert (after["position"]["machine"], after["feed"]) == ({"x": 1.0}, 600.0)
+        await bench.close()
+
+    run_simulated(main())
+
+
+def test_a_state_that_is_sent_says_how_long_the_newest_batch_took(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = Bench(tmp_path)
+        await bench.connected()
+        reader = bench.hub.subscribe(Filter(topics=frozenset({"state"})))
+        bench.tell(BatchSent(7, 1))
+        await asyncio.sleep(0.25)
+        bench.tell(BatchReceived(7), StateReported("run", {"x": 1.0}))
+        message = json.loads(await reader.next())
+        assert (message["data"]["ack_s"], message["data"]["batch_s"]) == (0.25, None)
         await bench.close()
 
     run_simulated(main())
