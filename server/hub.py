@@ -9,7 +9,7 @@ import asyncio
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from server.jsontext import dumps
@@ -29,6 +29,12 @@ QUEUE_LIMIT_BYTES = 4 * 1024 * 1024
 """The same bound in bytes, because a console line may be 8 KiB long."""
 CONSOLE_LIMIT = QUEUE_LIMIT // 2
 """From this many waiting messages on, console lines for this reader are left out (and counted)."""
+CONSOLE_READERS = 4
+"""So many readers get every console line. A Grbl at work says and hears 700 lines a second: each reader more would cost
+the loop some percent of a core, and a pause would wait behind them."""
+CONSOLE_SENDS = 200
+CONSOLE_SLICE = timedelta(seconds=0.1)
+"""With more readers so many lines in that time go to all of them together; the others are left out (and counted)."""
 DEFAULT_RATE_HZ = 20.0
 
 
@@ -174,6 +180,8 @@ class Hub:
         self._kept: deque[Message] = deque()
         self._kept_bytes = 0
         self._subscriptions: set[Subscription] = set()
+        self._console_since = clock()
+        self._console_sends = 0
         self.published: Counter[str] = Counter()
         self.cut_readers = 0
 
@@ -205,6 +213,10 @@ class Hub:
         readers = [reader for reader in self._subscriptions if reader.wants(type, machine)]
         if not kept and not readers:
             return self._seq
+        if type == CONSOLE and len(readers) > CONSOLE_READERS and not self._affords(len(readers)):
+            for reader in readers:
+                reader.left_out += 1
+            return self._seq
         content = data() if callable(data) else data
         message = Message(self._seq, type, machine, self.envelope(type, content, machine=machine, seq=self._seq))
         if kept:
@@ -212,6 +224,14 @@ class Hub:
         for reader in readers:
             reader.offer(message)
         return self._seq
+
+    def _affords(self, sends: int) -> bool:
+        """Whether a console line for so many readers is still within the bound."""
+        now = self._clock()
+        if not timedelta(0) <= now - self._console_since < CONSOLE_SLICE:  # also where the clock was set back
+            self._console_since, self._console_sends = now, 0
+        self._console_sends += sends
+        return self._console_sends <= max(CONSOLE_SENDS, sends)
 
     def envelope(
         self,

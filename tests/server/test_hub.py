@@ -10,6 +10,9 @@ from hypothesis import strategies as st
 
 from server.hub import (
     CONSOLE_LIMIT,
+    CONSOLE_READERS,
+    CONSOLE_SENDS,
+    CONSOLE_SLICE,
     QUEUE_LIMIT,
     QUEUE_LIMIT_BYTES,
     REPLAY_LIMIT,
@@ -112,6 +115,28 @@ def test_events_are_not_held_back_by_the_rate_of_states() -> None:
         before = loop.time()
         assert json.loads(await reader.next())["type"] == "alarm"
         assert loop.time() == before
+
+    run(main())
+
+
+def test_many_consoles_are_thinned_and_few_never_are() -> None:
+    async def main() -> None:
+        now = START
+        h = Hub(clock=lambda: now, first_seq=0)
+        few = [h.subscribe(Filter()) for _ in range(CONSOLE_READERS)]
+        for _ in range(CONSOLE_SENDS):
+            h.publish("console", "router", {})
+        assert [reader.left_out for reader in few] == [0] * CONSOLE_READERS
+        many = [h.subscribe(Filter()) for _ in range(CONSOLE_SENDS // 4 - CONSOLE_READERS)]
+        for _ in range(10):
+            h.publish("console", "router", {})
+            h.publish("job", "router", {})
+        assert {reader.left_out for reader in many} == {10 - 4}, "a slice has four lines for fifty readers"
+        now += CONSOLE_SLICE
+        h.publish("console", "router", {})
+        assert {reader.left_out for reader in many} == {10 - 4}
+        types = [json.loads(await many[0].next())["type"] for _ in range(15)]
+        assert types.count("job") == 10, "nothing else is left out"
 
     run(main())
 
