@@ -1,12 +1,12 @@
 // The dashboard: puts the pages together. Not what they do.
 // The rule: everything that is shown comes from the store; opening or reloading a page moves nothing.
 
-import { effect, html, render } from "./lib/ui.js";
+import { computed, effect, html, render } from "./lib/ui.js";
 import { speak, spoken, t } from "./lib/i18n.js";
 import { theme } from "./lib/prefs.js";
 import { route } from "./lib/router.js";
 import { words } from "./estop.js";
-import { connection, live, machine, world } from "./state/store.js";
+import { connection, live, machine, order } from "./state/store.js";
 import { Calls } from "./dialogs/calls.js";
 import { ConsolePage } from "./console/page.js";
 import { CardPage } from "./console/card.js";
@@ -23,17 +23,19 @@ import { StatusBand } from "./machine/band.js";
 const VIEWS = { machine: MachinePage, programs: ProgramsPage, jobs: JobsPage, console: ConsolePage, card: CardPage,
   settings: SettingsPage };
 
+const present = computed(() => machine.value !== null);
+
 function App() {
   if (connection.value === "sign-in") return html`<${SignIn} /><${Notices} />`;
   const { page } = route.value;
-  const known = world.value.order.length > 0;
+  const known = order.value.length > 0;
   return html`
     <${Header} />
     <${Lost} />
     <div class=${`shell ${live.value ? "" : "stale"}`}>
       <${Tabs} />
       <main>
-        ${machine.value && html`<${StatusBand} large=${page === "machine"} />`}
+        ${present.value && html`<${StatusBand} large=${page === "machine"} />`}
         ${known || !live.value ? html`<${VIEWS[page]} key=${page} />` : html`<p class="empty">${t("machine.none")}</p>`}
       </main>
     </div>

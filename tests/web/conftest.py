@@ -1,12 +1,11 @@
 """What the tests of the dashboard share: one browser and one daemon with a virtual mill for all tests of a process.
 
 To start a daemon takes seconds: a test leaves the mill as it found it (`mill` sees to that) and counts on no number of
-a job. A test that stops the daemon, or needs another one, has one of its own (`own`).
+a job. A test that stops the daemon, or needs another one, has one of its own.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -45,13 +44,6 @@ def mill(shared: Daemon) -> Iterator[Daemon]:
     if shared.get(machine)["state"]["status"] == "alarm":
         shared.post(f"{machine}/unlock")
     until(lambda: shared.get(machine)["state"]["status"] == "idle" and not shared.get(f"/jobs?status={OPEN}"))
-
-
-@pytest.fixture
-def own(browser: Browser, tmp_path: Path) -> Iterator[Daemon]:
-    """A daemon for this test alone."""
-    with daemon(tmp_path, MILL) as one:
-        yield one.connected()
 
 
 @pytest.fixture

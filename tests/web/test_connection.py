@@ -4,18 +4,35 @@ import os
 import re
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
 from tests.harness.browser import Screen
-from tests.harness.process import Daemon
+from tests.harness.process import Daemon, daemon
 
 pytestmark = pytest.mark.real
 
 NOTICED_WITHIN_MS = 2000
 REFUSED = r"net::ERR_|WebSocket connection to .* failed"
+
+
+@pytest.fixture(scope="module")
+def own(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """A daemon that these tests stop; it is back at the end of each."""
+    with daemon(tmp_path_factory.mktemp("own"), "sim:") as one:
+        yield one.connected()
+
+
+@pytest.fixture(scope="module")
+def guarded(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """A daemon that asks for a token."""
+    with daemon(tmp_path_factory.mktemp("guarded"), "sim:") as one:
+        one.connected()
+        admin = one.post("/tokens", {"name": "boss", "role": "admin"})["token"]
+        one.http.headers["Authorization"] = f"Bearer {admin}"
+        yield one
 
 
 def alive(one: Screen) -> None:
@@ -62,13 +79,12 @@ def test_a_daemon_that_died_and_was_started_again_is_found_again(own: Daemon, sc
     one.status("idle")
 
 
-def test_who_has_no_token_signs_in_and_a_viewer_only_looks(own: Daemon, screens: Callable[..., Screen]) -> None:
-    admin = own.post("/tokens", {"name": "boss", "role": "admin"})["token"]
-    own.http.headers["Authorization"] = f"Bearer {admin}"
-    viewer = own.post("/tokens", {"name": "screen", "role": "viewer"})["token"]
-    one = screens(own.url)
+def test_who_has_no_token_signs_in_and_a_viewer_only_looks(guarded: Daemon, screens: Callable[..., Screen]) -> None:
+    admin = guarded.http.headers["Authorization"].removeprefix("Bearer ")
+    viewer = guarded.post("/tokens", {"name": "screen", "role": "viewer"})["token"]
+    one = screens(guarded.url)
     one.allowed.append(r"status of 401|WebSocket connection to .* failed|status of 403")
-    one.page.goto(own.url)
+    one.page.goto(guarded.url)
     token, button = one.page.locator("input[name=token]"), one.page.get_by_role("button", name="Sign in")
     token.fill("mill_wrong")
     button.click()
@@ -87,15 +103,13 @@ def test_who_has_no_token_signs_in_and_a_viewer_only_looks(own: Daemon, screens:
     expect(one.named("home")).not_to_have_attribute("aria-disabled", "true")
 
 
-def test_a_token_that_is_revoked_puts_its_browser_out(own: Daemon, screens: Callable[..., Screen]) -> None:
-    boss = own.post("/tokens", {"name": "boss", "role": "admin"})
-    own.http.headers["Authorization"] = f"Bearer {boss['token']}"
-    guest = own.post("/tokens", {"name": "guest", "role": "operator"})
-    one = screens(own.url)
+def test_a_token_that_is_revoked_puts_its_browser_out(guarded: Daemon, screens: Callable[..., Screen]) -> None:
+    guest = guarded.post("/tokens", {"name": "guest", "role": "operator"})
+    one = screens(guarded.url)
     one.allowed.append(r"status of 401|WebSocket connection to .* failed|status of 403")
-    one.page.goto(own.url)
+    one.page.goto(guarded.url)
     one.page.locator("input[name=token]").fill(guest["token"])
     one.page.get_by_role("button", name="Sign in").click()
     expect(one.named("connection")).to_have_text("live")
-    assert own.http.delete(f"/api/v1/tokens/{guest['id']}").is_success
+    assert guarded.http.delete(f"/api/v1/tokens/{guest['id']}").is_success
     expect(one.page.locator("input[name=token]")).to_be_visible()

@@ -14,11 +14,13 @@ export function CardPage() {
   const path = `/machines/${encodeURIComponent(chosen.value ?? "")}/sd`;
   return html`<section class="panel card" aria-label=${t("card.title")}>
     <header><h2>${t("card.title")} <small>${card?.card ?? ""}</small></h2>
-      <${Button} name="read-card" icon="reset" label=${t("card.read")} reason=${reason} onPress=${async () => setCard(await get(path, { withinMs: 30_000 }))} /></header>
+      <${Button} name="read-card" icon="reset" label=${t("card.read")} reason=${reason}
+        onPress=${async () => setCard(await get(path, { withinMs: 30_000 }))} /></header>
     ${card === null && html`<p class="empty">${t("card.unread")}</p>`}
     ${card !== null && (card.problem || card.card === null) && html`<p class="problem">${card.problem ?? t("card.none")}</p>`}
     ${card !== null && card.card !== null && card.names.length === 0 && html`<p class="empty">${t("card.empty")}</p>`}
     <ul class="program-list">${card?.names.map((name) => html`<li key=${name}><span class="name">${name}</span>
-      <${Button} icon="play" label=${t("card.run")} reason=${reason} quiet onPress=${async () => { await post(`${path}/run`, { name }); go(to("machine")); }} /></li>`)}</ul>
+      <${Button} icon="play" label=${t("card.run")} reason=${reason} quiet
+        onPress=${async () => { await post(`${path}/run`, { name }); go(to("machine")); }} /></li>`)}</ul>
   </section>`;
 }

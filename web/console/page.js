@@ -31,14 +31,18 @@ export function ConsolePage() {
   useLayoutEffect(() => { if (end.current && !still) end.current.scrollTop = end.current.scrollHeight; }, [seen, filter, direction]);
   return html`<section class="panel console" aria-label=${t("console.title")}>
     <header><h2>${t("console.title")}</h2>
-      <input type="search" placeholder=${t("console.filter")} aria-label=${t("console.filter")} value=${filter} data-name="console-filter"
+      <input type="search" placeholder=${t("console.filter")} aria-label=${t("console.filter")} value=${filter}
+        data-name="console-filter"
         onInput=${(/** @type {any} */ event) => setFilter(event.target.value)} />
       <div class="filters" role="radiogroup" aria-label=${t("console.direction")}>
-        ${["", ">", "<"].map((one) => html`<button type="button" class="button" role="radio" key=${one} aria-checked=${direction === one}
+        ${["", ">", "<"].map((one) => html`<button type="button" class="button" role="radio" key=${one}
+          aria-checked=${direction === one}
           onClick=${() => setDirection(one)}>${t(one === "" ? "console.both" : one === ">" ? "console.out" : "console.in")}</button>`)}</div>
-      <button type="button" class="button" aria-pressed=${still !== null} onClick=${() => setStill(still ? null : [...all])}>${t(still ? "console.go_on" : "console.hold")}</button>
+      <button type="button" class="button" aria-pressed=${still !== null}
+        onClick=${() => setStill(still ? null : [...all])}>${t(still ? "console.go_on" : "console.hold")}</button>
     </header>
-    <ol ref=${end} class="wire" tabindex="0" data-name="wire">${lines.map((one, index) => html`<li key=${index} class=${one.direction === ">" ? "out" : "in"}>
+    <ol ref=${end} class="wire" tabindex="0" data-name="wire">${lines.map((one, index) => html`<li key=${index}
+      class=${one.direction === ">" ? "out" : "in"}>
       <time>${time(one.at)}</time><i aria-label=${t(one.direction === ">" ? "console.out" : "console.in")}>${one.direction}</i><code>${one.text}</code></li>`)}</ol>
     ${can("commands") && html`<${CommandLine} />`}
   </section>`;
@@ -69,7 +73,8 @@ function CommandLine() {
     setText(next ? said[said.length - next] : "");
   }
   return html`<form class="command" onSubmit=${submit}>
-    <input type="text" name="block" autocomplete="off" autocapitalize="characters" spellcheck=${false} maxlength="1024" value=${text}
+    <input type="text" name="block" autocomplete="off" autocapitalize="characters" spellcheck=${false} maxlength="1024"
+      value=${text}
       placeholder=${reason ? t(reason) : t("console.command")} aria-label=${t("console.command")} disabled=${Boolean(reason)}
       onInput=${(/** @type {any} */ event) => setText(event.target.value)} onKeyDown=${key} />
     <button type="submit" class="button primary" disabled=${Boolean(reason)}>${t("console.send")}</button>

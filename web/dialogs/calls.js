@@ -57,10 +57,12 @@ export function Calls() {
   if (!now) return null;
   const title = now.kind === "tool" ? t("call.tool", { tool: now.tool ?? "?" }) : t(`call.${now.kind}`);
   if (aside.value === now.key) {
-    return html`<button type="button" class=${`call-strip c-${now.kind}`} data-name="call-strip" onClick=${() => { aside.value = ""; }}>
+    return html`<button type="button" class=${`call-strip c-${now.kind}`} data-name="call-strip"
+      onClick=${() => { aside.value = ""; }}>
       <${Icon} name=${ICONS[now.kind]} /><b>${title}</b><span>${now.machine}</span></button>`;
   }
-  return html`<${Dialog} key=${now.key} title=${title} kind=${`c-${now.kind}`} icon=${ICONS[now.kind]} name="call" onClose=${() => { aside.value = now.key; }}>
+  return html`<${Dialog} key=${now.key} title=${title} kind=${`c-${now.kind}`} icon=${ICONS[now.kind]}
+    name="call" onClose=${() => { aside.value = now.key; }}>
     <p class="call-machine">${now.machine}</p>
     ${now.text && html`<p class="call-text">${now.text}</p>`}
     <p>${t(`call.${now.kind}_text`)}</p>
@@ -73,12 +75,16 @@ function Answers({ call }) {
   if (call.machine !== chosen.value) {
     return html`<button type="button" class="button primary" onClick=${() => go(to(route.value.page, null, null, call.machine))}>${t("call.go_there")}</button>`;
   }
-  const stop = call.job !== null && html`<${Button} name="call-stop" kind="end" icon="stop" label=${t("control.stop")} reason=${against("operate")}
+  const stop = call.job !== null && html`<${Button} name="call-stop" kind="end" icon="stop" label=${t("control.stop")}
+    reason=${against("operate")}
     onPress=${() => onJob(/** @type {number} */ (call.job), "cancel")} />`;
   if (call.kind === "alarm") {
-    return html`${can("home") && against("home") === null && html`<${Button} name="call-home" icon="home" label=${t("jog.home")} onPress=${() => verb("home")} />`}
-      <${Button} name="call-unlock" kind="primary" icon="unlock" label=${t("service.unlock")} reason=${against("unlock")} onPress=${() => verb("unlock")} />`;
+    return html`${can("home") && against("home") === null && html`<${Button} name="call-home" icon="home" label=${t("jog.home")}
+      onPress=${() => verb("home")} />`}
+      <${Button} name="call-unlock" kind="primary" icon="unlock" label=${t("service.unlock")} reason=${against("unlock")}
+        onPress=${() => verb("unlock")} />`;
   }
-  return html`${stop}<${Button} name="call-confirm" kind="go" icon="run" label=${t(call.kind === "tool" ? "call.tool_in" : "call.go_on")}
+  return html`${stop}<${Button} name="call-confirm" kind="go" icon="run"
+    label=${t(call.kind === "tool" ? "call.tool_in" : "call.go_on")}
     reason=${against("confirm")} onPress=${() => verb("tool/confirm")} />`;
 }

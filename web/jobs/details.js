@@ -8,7 +8,7 @@ import { go, to } from "../lib/router.js";
 import { get } from "../net/http.js";
 import { onJob } from "../state/actions.js";
 import { ENDED } from "../state/reduce.js";
-import { learnJob, live, role, world } from "../state/store.js";
+import { jobs, learnJob, live, role, world } from "../state/store.js";
 import { whyNot } from "../state/reasons.js";
 import { Button } from "../parts/button.js";
 import { Journal } from "./journal.js";
@@ -17,7 +17,7 @@ import { Recover } from "./recover.js";
 /** @param {{id: number}} props */
 export function JobDetails({ id }) {
   const [gone, setGone] = useState(false);
-  const job = world.value.jobs[id];
+  const job = jobs.value[id];
   useEffect(() => {
     if (!job && live.value) get(`/jobs/${id}`).then(learnJob, () => setGone(true));
   }, [id, live.value]);
@@ -67,13 +67,18 @@ function Actions({ job }) {
   const operate = whyNot("operate", now);
   return html`<div class="row">
     <a class="button" href=${to("programs", job.program)}><span class="label">${t("job.program")}</span></a>
-    ${job.status === "queued" && html`<${Button} icon="play" label=${t("queue.release")} reason=${operate} onPress=${() => onJob(job.id, "resume")} />`}
+    ${job.status === "queued" && html`<${Button} icon="play" label=${t("queue.release")} reason=${operate}
+      onPress=${() => onJob(job.id, "resume")} />`}
     ${!ended && job.status !== "interrupted" && job.status !== "queued" && html`
-      <${Button} icon="pause" label=${t("control.pause")} reason=${whyNot("pause", now)} onPress=${() => onJob(job.id, "pause")} />
-      <${Button} icon="run" label=${t("control.resume")} reason=${whyNot("resume", now)} onPress=${() => onJob(job.id, "resume")} />`}
-    ${!ended && html`<${Button} name="cancel" kind="end" icon="stop" label=${t("job.cancel")} reason=${operate} onPress=${() => onJob(job.id, "cancel")} />`}
+      <${Button} icon="pause" label=${t("control.pause")} reason=${whyNot("pause", now)}
+        onPress=${() => onJob(job.id, "pause")} />
+      <${Button} icon="run" label=${t("control.resume")} reason=${whyNot("resume", now)}
+        onPress=${() => onJob(job.id, "resume")} />`}
+    ${!ended && html`<${Button} name="cancel" kind="end" icon="stop" label=${t("job.cancel")} reason=${operate}
+      onPress=${() => onJob(job.id, "cancel")} />`}
     ${ended && html`<${Button} name="rerun" icon="reset" label=${t("job.rerun")} reason=${operate}
       onPress=${async () => { const made = await onJob(job.id, "rerun"); go(to("jobs", made.id)); }} />`}
-    <a class="button" href=${`/api/v1/jobs/${job.id}/report`} download=${`job-${job.id}.json`} data-name="json"><span class="label">${t("job.report")}</span></a>
+    <a class="button" href=${`/api/v1/jobs/${job.id}/report`} download=${`job-${job.id}.json`} data-name="json"><span
+      class="label">${t("job.report")}</span></a>
   </div>`;
 }

@@ -40,13 +40,15 @@ export function Journal({ job }) {
   const name = `job-${job.id}-${kind}`;
   return html`<section class="panel journal" aria-label=${t("journal.title")}>
     <header><div class="filters" role="radiogroup" aria-label=${t("journal.title")}>
-      ${/** @type {const} */ (["events", "batches"]).map((one) => html`<button type="button" class="button" role="radio" key=${one} data-journal=${one}
+      ${/** @type {const} */ (["events", "batches"]).map((one) => html`<button type="button" class="button" role="radio"
+        key=${one} data-journal=${one}
         aria-checked=${one === kind} onClick=${() => setKind(one)}>${t(`journal.${one}`)}</button>`)}</div>
       ${rows && html`<div class="row">
         <${Button} name="csv" icon="save" label="CSV" onPress=${() => save(`${name}.csv`, "text/csv", csv(COLUMNS[kind], rows))} />
         <${Button} icon="save" label="JSON" onPress=${() => save(`${name}.json`, "application/json", `${JSON.stringify(rows, null, 2)}\n`)} />
       </div>`}</header>
-    ${rows === null ? html`<p class="empty">${t("loading")}</p>` : rows.length === 0 ? html`<p class="empty">${t("journal.none")}</p>`
+    ${rows === null ? html`<p class="empty">${t("loading")}</p>` : rows.length === 0 ? html`<p
+      class="empty">${t("journal.none")}</p>`
       : html`<div class="scroll">${kind === "events" ? html`<${Events} rows=${rows} />` : html`<${Batches} rows=${rows} />`}</div>`}
     ${rows !== null && rows.length > SHOWN && html`<p class="hint">${t("journal.cut", { shown: SHOWN, all: number(rows.length) })}</p>`}
   </section>`;
@@ -72,5 +74,6 @@ function Batches({ rows }) {
     <tbody>${rows.slice(-SHOWN).reverse().map((one) => html`<tr key=${one.seq} class=${one.attempts > 1 ? "warn" : ""}>
       <td class="figure">${one.wire_id}</td><td class="figure">${one.line_from} – ${one.line_to}</td>
       <td>${one.status}${one.inferred ? ` (${t("journal.inferred")})` : ""}</td>
-      <td>${time(one.sent_at)}</td><td>${time(one.received_at)}</td><td>${time(one.ok_at)}</td><td class="figure">${one.attempts}</td></tr>`)}</tbody></table>`;
+      <td>${time(one.sent_at)}</td><td>${time(one.received_at)}</td><td>${time(one.ok_at)}</td><td
+        class="figure">${one.attempts}</td></tr>`)}</tbody></table>`;
 }

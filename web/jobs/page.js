@@ -7,7 +7,7 @@ import { clock } from "../lib/format.js";
 import { go, route, to } from "../lib/router.js";
 import { get } from "../net/http.js";
 import { attempt } from "../state/actions.js";
-import { chosen, live, world } from "../state/store.js";
+import { chosen, jobs, live } from "../state/store.js";
 import { JobDetails } from "./details.js";
 import { QueuePanel } from "./queue.js";
 
@@ -57,8 +57,8 @@ function History() {
 function merged(asked, wanted, machine) {
   const statuses = wanted ? wanted.split(",") : null;
   const lowest = asked.length ? Math.min(...asked.map((job) => job.id)) : 0;
-  const told = Object.values(world.value.jobs).filter((job) => job.id > lowest);
-  const all = new Map([...asked, ...told].map((job) => [job.id, world.value.jobs[job.id] ?? job]));
+  const told = Object.values(jobs.value).filter((job) => job.id > lowest);
+  const all = new Map([...asked, ...told].map((job) => [job.id, jobs.value[job.id] ?? job]));
   return [...all.values()]
     .filter((job) => (!machine || job.machine === machine) && (!statuses || statuses.includes(job.status)))
     .sort((a, b) => b.id - a.id);

@@ -17,14 +17,19 @@ export function QueuePanel() {
       <a class="name" href=${to("jobs", one.id)}>${one.program_name}</a>
       <span class="tag">${t(one.hold ? "queue.held" : "queue.ready")}</span>
       <div class="row">
-        <${Button} icon="up" label=${t("queue.up")} kind="icon-only" reason=${reason ?? (index === 0 ? "reason.first" : null)} quiet
+        <${Button} icon="up" label=${t("queue.up")} kind="icon-only"
+          reason=${reason ?? (index === 0 ? "reason.first" : null)} quiet
           onPress=${() => onJob(one.id, "move", { position: index })} />
-        <${Button} icon="down" label=${t("queue.down")} kind="icon-only" reason=${reason ?? (index === waiting.length - 1 ? "reason.last" : null)} quiet
+        <${Button} icon="down" label=${t("queue.down")} kind="icon-only"
+          reason=${reason ?? (index === waiting.length - 1 ? "reason.last" : null)} quiet
           onPress=${() => onJob(one.id, "move", { position: index + 2 })} />
         ${one.hold
-          ? html`<${Button} name="release" icon="play" label=${t("queue.release")} reason=${reason} quiet onPress=${() => onJob(one.id, "resume")} />`
-          : html`<${Button} name="hold" icon="pause" label=${t("queue.hold")} reason=${reason} quiet onPress=${() => onJob(one.id, "pause")} />`}
-        <${Button} name="remove" icon="close" label=${t("queue.remove")} kind="icon-only" reason=${reason} quiet onPress=${() => onJob(one.id, "cancel")} />
+          ? html`<${Button} name="release" icon="play" label=${t("queue.release")} reason=${reason} quiet
+            onPress=${() => onJob(one.id, "resume")} />`
+          : html`<${Button} name="hold" icon="pause" label=${t("queue.hold")} reason=${reason} quiet
+            onPress=${() => onJob(one.id, "pause")} />`}
+        <${Button} name="remove" icon="close" label=${t("queue.remove")} kind="icon-only" reason=${reason} quiet
+          onPress=${() => onJob(one.id, "cancel")} />
       </div>
     </li>`)}</ol>
   </section>`;

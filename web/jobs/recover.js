@@ -38,7 +38,8 @@ export function Recover({ job }) {
   return html`<section class="panel recover" aria-label=${t("recover.title")} data-name="recover">
     <h2>${t("recover.title")}</h2>
     ${plan === null ? html`<p class="empty">${t(operator ? "loading" : "reason.read_only")}</p>`
-      : html`<${Plan} plan=${plan} /><${Choice} job=${job} plan=${plan} wish=${wish} change=${change} reason=${whyNot("confirm", now)} />`}
+      : html`<${Plan} plan=${plan} /><${Choice} job=${job} plan=${plan} wish=${wish} change=${change}
+        reason=${whyNot("confirm", now)} />`}
   </section>`;
 }
 
@@ -53,9 +54,11 @@ function Plan({ plan }) {
     </dl>
     ${plan.why_not && html`<p class="problem">${plan.why_not}</p>`}
     ${warnings.map((/** @type {string} */ one) => html`<p key=${one} class="problem">${one}</p>`)}
-    ${steps.length > 0 ? html`<p>${t("recover.blocks")}</p><ol class="steps-list">${steps.map((/** @type {any} */ one, /** @type {number} */ index) =>
+    ${steps.length > 0 ? html`<p>${t("recover.blocks")}</p><ol
+      class="steps-list">${steps.map((/** @type {any} */ one, /** @type {number} */ index) =>
       html`<li key=${index}><code>${one.text || "–"}</code><span>${one.note || one.purpose}</span></li>`)}</ol>`
-      : blocks.length > 0 && html`<p>${t("recover.blocks")}</p><pre class="blocks">${blocks.slice(0, BLOCKS_SHOWN).join("\n")}</pre>`}`;
+      : blocks.length > 0 && html`<p>${t("recover.blocks")}</p><pre
+        class="blocks">${blocks.slice(0, BLOCKS_SHOWN).join("\n")}</pre>`}`;
 }
 
 /** @param {{job: import("../types.js").Job, plan: any, wish: Wish, change: (part: Partial<Wish>) => void, reason: string | null}} props */
@@ -74,12 +77,16 @@ function Choice({ job, plan, wish, change, reason }) {
         reason=${reason ?? (plan.can_continue ? null : "reason.not_provable")} onPress=${() => onJob(job.id, "recover", { action: "continue" })} />
     </div>
     <div class="row">
-      <label class="inline">${t("recover.from")} <input type="number" min=${job.start_line} max=${job.end_line} value=${line} data-name="from-line"
+      <label class="inline">${t("recover.from")} <input type="number" min=${job.start_line} max=${job.end_line} value=${line}
+        data-name="from-line"
         onInput=${(/** @type {any} */ event) => change({ line: event.target.valueAsNumber || 0 })} /></label>
-      ${wanted && html`<label class="inline">${t("recover.clearance")} <input type="number" step="any" value=${wish.clearance ?? ""} data-name="clearance"
+      ${wanted && html`<label class="inline">${t("recover.clearance")} <input type="number" step="any"
+        value=${wish.clearance ?? ""} data-name="clearance"
         onInput=${(/** @type {any} */ event) => change({ clearance: Number.isFinite(event.target.valueAsNumber) ? event.target.valueAsNumber : null })} /></label>`}
-      ${/** @type {const} */ (["operator_done", "force"]).map((one) => needs.includes(one) && html`<label class="inline" key=${one}>
-        <input type="checkbox" checked=${wish[one]} data-name=${one} onChange=${() => change({ [one]: !wish[one] })} /> ${t(`recover.${one}`)}</label>`)}
+      ${/** @type {const} */ (["operator_done", "force"]).map((one) => needs.includes(one) && html`<label class="inline"
+        key=${one}>
+        <input type="checkbox" checked=${wish[one]} data-name=${one}
+          onChange=${() => change({ [one]: !wish[one] })} /> ${t(`recover.${one}`)}</label>`)}
       <${Button} name="from" icon="play" label=${t("recover.from_button", { line })} reason=${reason ?? refused}
         onPress=${() => onJob(job.id, "recover", body)} />
     </div>`;

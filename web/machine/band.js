@@ -13,10 +13,12 @@ import { Icon } from "../parts/icon.js";
 /** @param {{large: boolean}} props */
 export function StatusBand({ large }) {
   const shown = status.value;
-  return html`<section class=${`band s-${shown} ${large ? "large" : ""}`} aria-label=${t("band.title")} data-name="band" data-status=${shown}>
+  return html`<section class=${`band s-${shown} ${large ? "large" : ""}`} aria-label=${t("band.title")}
+    data-name="band" data-status=${shown}>
     <div class="band-state">
       <${Icon} name=${shown} size=${large ? 72 : 40} />
-      <div><p class="word" data-name="status">${t(`status.${shown}`)}</p>${large && html`<p class="detail"><${Detail} /></p>`}</div>
+      <div><p class="word" data-name="status">${t(`status.${shown}`)}</p>${large && html`<p
+        class="detail"><${Detail} /></p>`}</div>
     </div>
     <${JobProgress} />
     <${Controls} />
@@ -57,11 +59,14 @@ function Controls() {
   const recover = now?.status === "interrupted";
   return html`<div class="band-controls">
     ${recover
-      ? html`<a class="button primary" href=${to("jobs", now.id)} data-name="recover"><span class="label">${t("control.recover")}</span></a>`
+      ? html`<a class="button primary" href=${to("jobs", now.id)} data-name="recover"><span
+        class="label">${t("control.recover")}</span></a>`
       : html`<${Button} name="start" kind="go" icon="play" label=${t("control.start")} title=${title} reason=${against("start")}
           onPress=${() => onJob(first().id, "resume")} />`}
     <${Button} name="pause" icon="pause" label=${t("control.pause")} reason=${against("pause")} onPress=${() => verb("pause")} />
-    <${Button} name="resume" kind="go" icon="run" label=${t("control.resume")} reason=${against("resume")} onPress=${() => verb("resume")} />
-    <${Button} name="stop" kind="end" icon="stop" label=${t("control.stop")} reason=${against("stop")} onPress=${() => verb("stop")} />
+    <${Button} name="resume" kind="go" icon="run" label=${t("control.resume")} reason=${against("resume")}
+      onPress=${() => verb("resume")} />
+    <${Button} name="stop" kind="end" icon="stop" label=${t("control.stop")} reason=${against("stop")}
+      onPress=${() => verb("stop")} />
   </div>`;
 }

@@ -17,7 +17,8 @@ export function Figures() {
       <div data-name="tool"><dt>${t("figures.tool")}</dt><dd>${tool === null ? "–" : `T${tool}`}
         ${wanted !== null && wanted !== tool && html`<small>→ T${wanted}</small>`}</dd></div>
       <div><dt>${t("figures.distance")}</dt><dd class="text">${absolute === null ? "–" : t(absolute ? "figures.absolute" : "figures.relative")}</dd></div>
-      ${homed !== undefined && homed !== null && html`<div data-name="homed"><dt>${t("figures.homed")}</dt><dd class="text">${t(homed ? "figures.yes" : "figures.no")}</dd></div>`}
+      ${homed !== undefined && homed !== null && html`<div data-name="homed"><dt>${t("figures.homed")}</dt><dd
+        class="text">${t(homed ? "figures.yes" : "figures.no")}</dd></div>`}
     </dl>
     ${pendant && html`<p class="problem" data-name="pendant">${t("figures.pendant")}</p>`}
     ${known.length > 0 && html`<ul class="inputs" aria-label=${t("figures.inputs")}>

@@ -49,7 +49,8 @@ export function JogPanel() {
     </header>
     <div class="pad" role="group" aria-label=${t("jog.title")}>
       ${PAD.map((one) => html`<${PadButton} key=${one.place} ...${one} off=${Boolean(reason)} />`)}
-      ${can("home") && html`<div class="pad-home"><${Button} name="home" icon="home" label=${t("jog.home")} reason=${against("home")} quiet
+      ${can("home") && html`<div class="pad-home"><${Button} name="home" icon="home" label=${t("jog.home")}
+        reason=${against("home")} quiet
         onPress=${() => verb("home")} /></div>`}
     </div>
     ${extra.length > 0 && html`<div class="row extra">${extra.flatMap((axis) => [-1, 1].map((sign) => html`<${PadButton}
@@ -72,7 +73,8 @@ function PadButton({ way, icon, name, place, off }) {
     event.preventDefault();
     begin(way);
   }
-  return html`<button type="button" class=${`button pad-button p-${place}`} aria-label=${name} aria-disabled=${off} data-jog=${name}
+  return html`<button type="button" class=${`button pad-button p-${place}`}
+    aria-label=${name} aria-disabled=${off} data-jog=${name}
       onPointerDown=${down} onPointerUp=${end} onPointerCancel=${end} onLostPointerCapture=${end} onKeyDown=${key} onKeyUp=${end} onBlur=${end}
       onContextMenu=${(/** @type {Event} */ event) => event.preventDefault()}>
     ${icon && html`<${Icon} name=${icon} />`}<span>${name}</span></button>`;
@@ -80,7 +82,8 @@ function PadButton({ way, icon, name, place, off }) {
 
 function Steps() {
   return html`<div class="steps" role="radiogroup" aria-label=${t("jog.step")}>
-    ${[...STEPS_MM, HELD].map((step) => html`<button type="button" key=${step} class="button" role="radio" aria-checked=${jogStep.value === step}
+    ${[...STEPS_MM, HELD].map((step) => html`<button type="button" key=${step} class="button" role="radio"
+      aria-checked=${jogStep.value === step}
       data-step=${step} onClick=${() => { jogStep.value = step; }}>${step === HELD ? t("jog.hold") : step}</button>`)}
   </div>`;
 }

@@ -30,6 +30,7 @@ export function LinkPanel() {
       <div><dt>${t("link.age")}</dt><dd>${age === null ? "–" : age < 90 ? `${number(age)} s` : `${number(age / 60)} min`}</dd></div>
       <div><dt>${t("link.round_trip")}</dt><dd>${live.value && daemon.roundTripMs !== null ? `${number(daemon.roundTripMs)} ms` : "–"}</dd></div>
     </dl>
-    ${kinds.length > 0 && html`<p class="kinds">${kinds.map(([kind, count]) => html`<span key=${kind}>${kind}: ${number(count)}</span>`)}</p>`}
+    ${kinds.length > 0 && html`<p class="kinds">${kinds.map(([kind, count]) => html`<span
+      key=${kind}>${kind}: ${number(count)}</span>`)}</p>`}
   </section>`;
 }

@@ -2,16 +2,17 @@
 
 import { computed, html } from "../lib/ui.js";
 import { t, time } from "../lib/i18n.js";
-import { chosen, world } from "../state/store.js";
+import { chosen, log, problem } from "../state/store.js";
 
 const SHOWN = 40;
-const lines = computed(() => world.value.log.filter((one) => one.machine === null || one.machine === chosen.value).slice(-SHOWN).reverse());
+const lines = computed(() => log.value.filter((one) => one.machine === null || one.machine === chosen.value).slice(-SHOWN).reverse());
 
 export function LogPanel() {
   return html`<section class="panel log" aria-label=${t("log.title")}>
     <h2>${t("log.title")}</h2>
-    ${world.value.problem && html`<p class="problem">${world.value.problem}</p>`}
+    ${problem.value && html`<p class="problem">${problem.value}</p>`}
     ${lines.value.length === 0 && html`<p class="empty">${t("log.empty")}</p>`}
-    <ol>${lines.value.map((one, index) => html`<li key=${index} class=${one.level}><time>${time(one.at)}</time><span>${one.text}</span></li>`)}</ol>
+    <ol>${lines.value.map((one, index) => html`<li key=${index}
+      class=${one.level}><time>${time(one.at)}</time><span>${one.text}</span></li>`)}</ol>
   </section>`;
 }

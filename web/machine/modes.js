@@ -20,9 +20,12 @@ export function Modes() {
       onPress=${() => onMachine("coolant", { [name]: !on.includes(name) })} />`)}
     ${can("spindle_stop") && html`<${Button} name="spindle-stop" label=${t("modes.spindle_stop")}
       reason=${against("overrides") ?? (state.status === "hold" ? null : "reason.not_held")} onPress=${() => verb("spindle-stop")} />`}
-    ${can("door") && html`<${Button} name="door" icon="door" label=${t("modes.door")} reason=${against("door")} onPress=${() => verb("door")} />`}
-    ${can("check_mode") && html`<${Button} name="check-mode" icon="check" kind=${checking ? "primary" : ""} label=${t(checking ? "modes.check_off" : "modes.check_on")}
+    ${can("door") && html`<${Button} name="door" icon="door" label=${t("modes.door")} reason=${against("door")}
+      onPress=${() => verb("door")} />`}
+    ${can("check_mode") && html`<${Button} name="check-mode" icon="check" kind=${checking ? "primary" : ""}
+      label=${t(checking ? "modes.check_off" : "modes.check_on")}
       reason=${against("settings")} onPress=${() => onMachine("check-mode", { on: !checking })} />`}
-    ${can("sleep") && html`<${Button} name="sleep" icon="sleep" label=${t("modes.sleep")} reason=${against("settings")} onPress=${() => verb("sleep")} />`}
+    ${can("sleep") && html`<${Button} name="sleep" icon="sleep" label=${t("modes.sleep")} reason=${against("settings")}
+      onPress=${() => verb("sleep")} />`}
   </section>`;
 }

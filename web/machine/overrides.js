@@ -14,7 +14,8 @@ export function Overrides() {
   const now = machine.value?.state.overrides ?? {};
   return html`<section class="panel overrides" aria-label=${t("overrides.title")}>
     <h2>${t("overrides.title")}</h2>
-    ${Object.keys(RANGES).map((name) => html`<${Slider} key=${name} name=${name} percent=${now[name] ?? NEUTRAL} off=${Boolean(reason)} />`)}
+    ${Object.keys(RANGES).map((name) => html`<${Slider} key=${name}
+      name=${name} percent=${now[name] ?? NEUTRAL} off=${Boolean(reason)} />`)}
     ${reason && html`<p class="why-line">${t(reason)}</p>`}
   </section>`;
 }

@@ -3,7 +3,7 @@
 
 import { html, useEffect } from "../lib/ui.js";
 import { t } from "../lib/i18n.js";
-import { can, chosen, machine, watchLink } from "../state/store.js";
+import { can, chosen, watchLink } from "../state/store.js";
 import { QueuePanel } from "../jobs/queue.js";
 import { Figures } from "./figures.js";
 import { JogPanel } from "./jog.js";
@@ -17,7 +17,7 @@ import { Service } from "./service.js";
 export function MachinePage() {
   const name = chosen.value;
   useEffect(() => (name === null ? undefined : watchLink(name)), [name]);
-  if (!machine.value) return html`<p class="empty">${t("machine.waiting")}</p>`;
+  if (name === null) return html`<p class="empty">${t("machine.waiting")}</p>`;
   return html`<div class="grid machine-grid">
     <${Position} />
     ${can("jog") && html`<${JogPanel} key=${name} />`}

@@ -29,13 +29,16 @@ export function Position() {
       <output class="work">${work[axis] === undefined ? "–" : coordinate(work[axis])}</output>
       <output class="absolute">${absolute[axis] === undefined ? "–" : coordinate(absolute[axis])}</output>
       <span class="unit">${ROTARY.has(axis) ? "°" : "mm"}</span>
-      ${blocks && html`<${Button} name=${`zero-${axis}`} label=${t("position.zero", { axis: axis.toUpperCase() })} reason=${reason} quiet
+      ${blocks && html`<${Button} name=${`zero-${axis}`} label=${t("position.zero", { axis: axis.toUpperCase() })}
+        reason=${reason} quiet
         title=${t("position.zero_title", { axis: axis.toUpperCase() })} onPress=${() => setAsking([axis])} />`}
     </li>`)}</ul>
     ${blocks && axes.length > 0 && html`<div class="row">
       <${Button} name="zero-all" label=${t("position.zero_all")} reason=${reason} quiet onPress=${() => setAsking(axes)} />
-      <${Button} name="go-zero" icon="target" label=${t("position.go_zero_xy")} reason=${reason} quiet onPress=${() => run(blocks.go(flat))} />
-      ${axes.includes("z") && html`<${Button} label=${t("position.go_zero_z")} reason=${reason} quiet onPress=${() => run(blocks.go(["z"]))} />`}
+      <${Button} name="go-zero" icon="target" label=${t("position.go_zero_xy")} reason=${reason} quiet
+        onPress=${() => run(blocks.go(flat))} />
+      ${axes.includes("z") && html`<${Button} label=${t("position.go_zero_z")} reason=${reason} quiet
+        onPress=${() => run(blocks.go(["z"]))} />`}
     </div>`}
     ${reason && html`<p class="why-line">${t(reason)}</p>`}
     ${asking && blocks && html`<${AskZero} axes=${asking} onYes=${() => run(blocks.zero(asking))} onClose=${() => setAsking(null)} />`}
@@ -49,7 +52,8 @@ function AskZero({ axes, onYes, onClose }) {
     <p>${t("position.zero_text", { axes: named })}</p>
     <div class="row end">
       <button type="button" class="button" onClick=${onClose}>${t("dialog.cancel")}</button>
-      <${Button} name="zero-yes" kind="primary" label=${t("position.zero_yes")} onPress=${async () => { onClose(); await onYes(); }} />
+      <${Button} name="zero-yes" kind="primary" label=${t("position.zero_yes")}
+        onPress=${async () => { onClose(); await onYes(); }} />
     </div>
   <//>`;
 }

@@ -23,15 +23,16 @@ export class ApiError extends Error {
  * @returns {Promise<any>}
  */
 export async function request(method, path, body, options = {}) {
-  const signals = [AbortSignal.timeout(options.withinMs ?? ANSWER_MS)];
-  if (options.signal) signals.push(options.signal);
+  const late = AbortSignal.timeout(options.withinMs ?? ANSWER_MS);
+  // `any` is younger than the rest of what is used here, and the e-stop must not hang on it.
+  const signal = options.signal ? AbortSignal.any([late, options.signal]) : late;
   /** @type {Record<string, string>} */
   const headers = { ...options.headers };
   if (body !== undefined) headers["Content-Type"] = "application/json";
   let response;
   try {
     response = await fetch(API + path, {
-      method, headers, signal: AbortSignal.any(signals), body: body === undefined ? undefined : JSON.stringify(body),
+      method, headers, signal, body: body === undefined ? undefined : JSON.stringify(body),
     });
   } catch (error) {
     if (options.signal?.aborted) throw error;

@@ -33,7 +33,8 @@ export function Dialog({ title, kind = "", icon, name, wide = false, onClose, ch
       <header>
         ${icon && html`<${Icon} name=${icon} size=${32} />`}
         <h2>${title}</h2>
-        <button type="button" class="button plain" aria-label=${t("dialog.close")} onClick=${onClose}><${Icon} name="close" /></button>
+        <button type="button" class="button plain" aria-label=${t("dialog.close")} onClick=${onClose}><${Icon}
+          name="close" /></button>
       </header>
       <div class="dialog-body">${children}</div>
     </section>

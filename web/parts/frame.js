@@ -47,9 +47,11 @@ function Menu() {
         <select value=${theme.value} onChange=${(/** @type {any} */ event) => { theme.value = event.target.value; }}>
           ${["auto", "light", "dark"].map((one) => html`<option value=${one}>${t(`theme.${one}`)}</option>`)}</select></label>
       <button type="button" class="button" aria-pressed=${soundOn.value} onClick=${() => { soundOn.value = !soundOn.value; }}>
-        <${Icon} name=${soundOn.value ? "sound" : "mute"} /><span class="label">${t(soundOn.value ? "menu.sound_on" : "menu.sound_off")}</span></button>
+        <${Icon} name=${soundOn.value ? "sound" : "mute"} /><span
+          class="label">${t(soundOn.value ? "menu.sound_on" : "menu.sound_off")}</span></button>
       <a class="button" href="/docs">${t("menu.api")}</a>
-      ${signedIn.value && html`<button type="button" class="button" data-name="sign-out" onClick=${signOut}>${t("menu.sign_out")}</button>`}
+      ${signedIn.value && html`<button type="button" class="button" data-name="sign-out"
+        onClick=${signOut}>${t("menu.sign_out")}</button>`}
     </div>`}
   </div>`;
 }
@@ -66,7 +68,8 @@ const NEEDS = { card: "sd", settings: "settings" };
 
 export function Tabs() {
   return html`<nav class="tabs" aria-label=${t("tab.title")}>
-    ${PAGES.filter((page) => !NEEDS[page] || can(NEEDS[page])).map((page) => html`<a key=${page} href=${to(page)} data-name=${`tab-${page}`}
+    ${PAGES.filter((page) => !NEEDS[page] || can(NEEDS[page])).map((page) => html`<a key=${page} href=${to(page)}
+      data-name=${`tab-${page}`}
       aria-current=${page === route.value.page ? "page" : undefined}>
       <${Icon} name=${TAB_ICONS[page]} /><span>${t(`tab.${page}`)}</span></a>`)}
   </nav>`;

@@ -63,8 +63,10 @@ function Starting({ program, report }) {
   const press = (/** @type {boolean} */ hold) => (report === null || report.warnings.length ? setAsking(hold) : queue(hold, false));
   return html`<div class="row">
     <${Button} name="run" kind="go" icon="play" label=${t("program.run")} reason=${start} onPress=${() => press(false)} />
-    <${Button} name="enqueue" icon="list" label=${t("program.queue")} reason=${refused ?? against("operate")} onPress=${() => press(true)} />
-    <${Button} name="delete" icon="trash" label=${t("program.delete")} reason=${against("operate")} onPress=${() => setDeleting(true)} />
+    <${Button} name="enqueue" icon="list" label=${t("program.queue")} reason=${refused ?? against("operate")}
+      onPress=${() => press(true)} />
+    <${Button} name="delete" icon="trash" label=${t("program.delete")} reason=${against("operate")}
+      onPress=${() => setDeleting(true)} />
     <${Part} lines=${program.lines} onChange=${(/** @type {{}} */ chosen) => { part.current = chosen; }} />
     ${deleting && html`<${AskDelete} program=${program} onClose=${() => setDeleting(false)} />`}
     ${asking !== null && html`<${Dialog} name="warnings" title=${t("program.warnings_title")} icon="alarm" kind="warn" onClose=${() => setAsking(null)}>
@@ -86,10 +88,12 @@ function Part({ lines, onChange }) {
     onChange(chosen.current);
   };
   const line = (/** @type {string} */ name) => html`<label class="inline">${t(`program.${name}`)}
-    <input type="number" min="1" max=${lines} data-name=${name} onInput=${(/** @type {any} */ event) => set(name, event.target.valueAsNumber)} /></label>`;
+    <input type="number" min="1" max=${lines} data-name=${name}
+      onInput=${(/** @type {any} */ event) => set(name, event.target.valueAsNumber)} /></label>`;
   return html`<details class="part"><summary>${t("program.part")}</summary><div class="row">
     ${line("start_line")}${line("end_line")}
-    <label class="inline">${t("job.note")} <input type="text" maxlength="2000" onInput=${(/** @type {any} */ event) => set("note", event.target.value.trim())} /></label>
+    <label class="inline">${t("job.note")} <input type="text" maxlength="2000"
+      onInput=${(/** @type {any} */ event) => set("note", event.target.value.trim())} /></label>
   </div></details>`;
 }
 

@@ -24,7 +24,8 @@ export function Report({ report, onLine }) {
       ${Object.entries(report.bounds).map(([axis, span]) => html`<div key=${axis}><dt>${axis.toUpperCase()}</dt>
         <dd>${/** @type {number[]} */ (span).map((value) => value.toFixed(2)).join(" … ")}</dd></div>`)}
     </dl>
-    ${KINDS.map((kind) => report[kind].length > 0 && html`<${Findings} key=${kind} kind=${kind} list=${report[kind]} onLine=${onLine} />`)}
+    ${KINDS.map((kind) => report[kind].length > 0 && html`<${Findings}
+      key=${kind} kind=${kind} list=${report[kind]} onLine=${onLine} />`)}
   </div>`;
 }
 

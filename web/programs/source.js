@@ -29,13 +29,16 @@ export function Source({ program, findings, line, current }) {
     `${marks.get(one) ?? ""} ${one === line.value ? "shown" : ""} ${current && one <= current ? "done" : ""} ${one === current ? "current" : ""}`;
   return html`<section class="panel source" aria-label=${t("source.title")}>
     <header><h2>${t("source.title")}</h2>
-      ${current > 0 && html`<label class="inline"><input type="checkbox" checked=${follow} onChange=${() => setFollow(!follow)} /> ${t("source.follow")}</label>`}
+      ${current > 0 && html`<label class="inline"><input type="checkbox" checked=${follow}
+        onChange=${() => setFollow(!follow)} /> ${t("source.follow")}</label>`}
       <label class="inline">${t("source.go")} <input type="number" min="1" max=${program.lines} data-name="go-line"
         onChange=${(/** @type {any} */ event) => { line.value = 0; line.value = event.target.valueAsNumber || 0; }} /></label></header>
-    <div ref=${box} class="lines" tabindex="0" role="region" aria-label=${t("source.title")} onScroll=${onScroll} onKeyDown=${onKeyDown} data-name="lines">
+    <div ref=${box} class="lines" tabindex="0" role="region" aria-label=${t("source.title")} onScroll=${onScroll}
+      onKeyDown=${onKeyDown} data-name="lines">
       <div class="page" style=${{ height: `${pagePx}px` }}>
         <ol style=${{ transform: `translateY(${shiftPx}px)` }}>
-          ${rows.map((one) => html`<li key=${one} data-line=${one} class=${look(one)}><i>${one}</i><code>${lines.text(one) ?? "…"}</code></li>`)}
+          ${rows.map((one) => html`<li key=${one} data-line=${one}
+            class=${look(one)}><i>${one}</i><code>${lines.text(one) ?? "…"}</code></li>`)}
         </ol>
       </div>
     </div>

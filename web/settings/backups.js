@@ -22,12 +22,14 @@ export function Backups({ path, saved, onRestored }) {
     ${backups.length === 0 && html`<p class="empty">${t("backups.none")}</p>`}
     <ul class="program-list">${backups.map((one) => html`<li key=${one.id}>
       <button type="button" class="button wide-button" onClick=${() => attempt(async () => setOpen(await get(`${path}/backups/${one.id}`, { withinMs: WITHIN_MS })))}>
-        <span class="label"><span>${dateTime(one.at)}</span><small class="why">${t(`backups.${one.why}`)} · ${one.made_by}</small></span></button></li>`)}</ul>
+        <span class="label"><span>${dateTime(one.at)}</span><small
+          class="why">${t(`backups.${one.why}`)} · ${one.made_by}</small></span></button></li>`)}</ul>
     ${open && html`<${Dialog} name="backup" wide title=${t("backups.of", { time: dateTime(open.at) })} icon="save" onClose=${() => setOpen(null)}>
       ${open.not_compared && html`<p class="problem">${open.not_compared}</p>`}
       ${open.differences?.length === 0 && html`<p class="empty">${t("backups.same")}</p>`}
       ${open.differences?.length > 0 && html`<table><thead><tr><th></th><th>${t("backups.then")}</th><th>${t("backups.now")}</th></tr></thead>
-        <tbody>${open.differences.map((/** @type {any} */ one) => html`<tr key=${one.number}><td>$${one.number} ${one.name ?? ""}</td>
+        <tbody>${open.differences.map((/** @type {any} */ one) => html`<tr
+          key=${one.number}><td>$${one.number} ${one.name ?? ""}</td>
           <td class="figure">${one.before ?? "–"}</td><td class="figure">${one.value ?? "–"}</td></tr>`)}</tbody></table>`}
       <div class="row end"><button type="button" class="button" onClick=${() => setOpen(null)}>${t("dialog.cancel")}</button>
         <${Button} name="restore" kind="primary" label=${t("backups.write_back")}

@@ -44,16 +44,19 @@ export function SettingsPage() {
   return html`<div class="grid settings-grid">
     <section class="panel settings" aria-label=${t("settings.title")} data-name="settings">
       <header><h2>${t("settings.title")}</h2>
-        <input type="search" placeholder=${t("console.filter")} aria-label=${t("console.filter")} value=${filter} data-name="settings-filter"
+        <input type="search" placeholder=${t("console.filter")} aria-label=${t("console.filter")} value=${filter}
+          data-name="settings-filter"
           onInput=${(/** @type {any} */ event) => setFilter(event.target.value)} />
         <div class="row">
           <${Button} name="read-settings" icon="reset" label=${t("settings.read")} reason=${reason} onPress=${read} />
-          ${changed.length > 0 && html`<button type="button" class="button" data-name="undo" onClick=${() => setEdits({})}>${t("settings.undo")}</button>`}
+          ${changed.length > 0 && html`<button type="button" class="button" data-name="undo"
+            onClick=${() => setEdits({})}>${t("settings.undo")}</button>`}
           <${Button} name="save-settings" kind="primary" icon="save" label=${t("settings.save", { count: changed.length })}
             reason=${against("change_settings") ?? (changed.length ? null : "reason.nothing_changed")} onPress=${save} />
         </div></header>
       ${settings === null && html`<p class="empty">${t(reason ?? "loading")}</p>`}
-      <ul class="setting-list">${shown.map((one) => html`<${SettingRow} key=${one.number} setting=${one} edited=${edits[one.number]}
+      <ul class="setting-list">${shown.map((one) => html`<${SettingRow}
+        key=${one.number} setting=${one} edited=${edits[one.number]}
         result=${results[one.number]} off=${against("change_settings") !== null}
         onEdit=${(/** @type {string} */ value) => setEdits((before) => ({ ...before, [one.number]: value }))} />`)}</ul>
     </section>

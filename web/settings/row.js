@@ -28,7 +28,8 @@ export function SettingRow({ setting, edited, result, off, onEdit }) {
 function Field({ setting, value, off, onEdit }) {
   const id = `setting-${setting.number}`;
   if (setting.kind === "bool") {
-    return html`<select id=${id} disabled=${off} value=${value} onChange=${(/** @type {any} */ event) => onEdit(event.target.value)}>
+    return html`<select id=${id} disabled=${off} value=${value}
+      onChange=${(/** @type {any} */ event) => onEdit(event.target.value)}>
       <option value="0">${t("figures.off")}</option><option value="1">${t("figures.on")}</option></select>`;
   }
   if (setting.kind === "mask" && setting.bits.length) {
@@ -37,6 +38,7 @@ function Field({ setting, value, off, onEdit }) {
       <input type="checkbox" disabled=${off} checked=${Boolean(number & (1 << bit))} data-bit=${bit}
         onChange=${() => onEdit(String(number ^ (1 << bit)))} /> ${name}</label>`)}</span>`;
   }
-  return html`<input id=${id} type="text" inputmode=${setting.kind === "text" ? "text" : "decimal"} maxlength="80" disabled=${off} value=${value}
+  return html`<input id=${id} type="text" inputmode=${setting.kind === "text" ? "text" : "decimal"} maxlength="80" disabled=${off}
+    value=${value}
     onInput=${(/** @type {any} */ event) => onEdit(event.target.value.trim())} />`;
 }

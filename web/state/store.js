@@ -33,8 +33,8 @@ onMessage((message) => batch(() => {
 
 /** `hello` has the newest jobs; one that has stood interrupted for weeks may be older than all of them. */
 function learnActive() {
-  const { order, machines, jobs } = world.peek();
-  const unknown = order.map((name) => machines[name].active_job).filter((id) => id !== null && !(id in jobs));
+  const { order: names, machines, jobs: known } = world.peek();
+  const unknown = names.map((name) => machines[name].active_job).filter((id) => id !== null && !(id in known));
   for (const id of unknown) get(`/jobs/${id}`).then(learnJob, () => {});
 }
 
@@ -54,11 +54,16 @@ onStatus((status) => batch(() => {
 export const live = computed(() => connection.value === "live");
 export const operator = computed(() => role.value === "operator" || role.value === "admin");
 
+// The parts of the world by themselves: a position that changes fifteen times a second draws no list of jobs anew.
+export const order = computed(() => world.value.order);
+export const jobs = computed(() => world.value.jobs);
+export const log = computed(() => world.value.log);
+export const problem = computed(() => world.value.problem);
+
 /** The name of the machine that is looked at: that of the address, else the first. */
 export const chosen = computed(() => {
-  const { order } = world.value;
   const asked = route.value.machine;
-  return asked && order.includes(asked) ? asked : (order[0] ?? null);
+  return asked && order.value.includes(asked) ? asked : (order.value[0] ?? null);
 });
 export const machine = computed(() => (chosen.value === null ? null : world.value.machines[chosen.value]));
 export const job = computed(() => (chosen.value === null ? null : activeJob(world.value, chosen.value)));
@@ -71,8 +76,10 @@ export function against(action) {
   return whyNot(action, { machine: machine.value, job: job.value, queue: queue.value, role: role.value, live: live.value });
 }
 
+const NOTHING_AT_ALL = /** @type {string[]} */ ([]);
+const capabilities = computed(() => machine.value?.capabilities ?? NOTHING_AT_ALL);
 /** @param {string} capability */
-export const can = (capability) => machine.value?.capabilities.includes(capability) ?? false;
+export const can = (capability) => capabilities.value.includes(capability);
 
 /** An answer of the API that is newer than the last message about it. @param {import("../types.js").Job} answer */
 export const learnJob = (answer) => { world.value = withJob(world.peek(), answer); };
