@@ -6,9 +6,10 @@ before it began (elvinto §5.4).
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from math import isnan
+from typing import Protocol, Self
 
 from gcode.held import Held, state_of
 from gcode.interpreter import power_on
@@ -50,6 +51,9 @@ class PlannedBatch:
     `seconds` is estimated. `start` and `end` hold the known axes. `barrier`: one block that travels alone.
     `tool_change`: its block has M6; `tool` is then the tool that is wanted, None where the program named none.
     `motion`: at least one block moves an axis. `lines`: that of each block; empty where they follow one another.
+    `parts`: of a line that becomes several blocks, for each block behind which it goes on, how far it is
+    (jobs/frames.py), and 0 where the line ends; empty where every line is one block. `pauses`: behind it the job stands
+    still until somebody resumes it.
     """
 
     first_line: int
@@ -65,10 +69,74 @@ class PlannedBatch:
     motion: bool
     tool_change: bool = False
     lines: tuple[int, ...] = ()
+    parts: tuple[int, ...] = ()
+    pauses: bool = False
 
     def line_of(self, block: int) -> int:
         """The line of a block, which is counted from 0."""
         return self.lines[block] if self.lines else self.first_line + block
+
+    def line_behind(self, block: int) -> int:
+        """The last line that is executed to its end when this block is."""
+        return self.line_of(block) - bool(self.parts and self.parts[block])
+
+    @property
+    def part(self) -> int:
+        """How far its last line is behind it, 0 where it ends there."""
+        return self.parts[-1] if self.parts else 0
+
+    def cut(self, blocks: int, position: Position) -> tuple["PlannedBatch", "PlannedBatch"]:
+        """Its first `blocks` blocks, behind which the machine stands at `position`, and the rest."""
+        each = [self.line_of(block) for block in range(len(self.blocks))]
+        share = blocks / len(self.blocks)
+        first = replace(
+            self,
+            last_line=each[blocks - 1],
+            blocks=self.blocks[:blocks],
+            seconds=self.seconds * share,
+            end=position,
+            lines=tuple(each[:blocks]),
+            parts=self.parts[:blocks],
+        )
+        rest = replace(
+            self,
+            first_line=each[blocks],
+            blocks=self.blocks[blocks:],
+            seconds=self.seconds * (1 - share),
+            start=position,
+            lines=tuple(each[blocks:]),
+            parts=self.parts[blocks:],
+        )
+        return first, rest
+
+
+class Reader(Protocol):
+    """Where blocks come from: jobs.upcoming.BlockReader, or jobs.frames.FrameBlocks."""
+
+    @property
+    def state(self) -> State:
+        """Where the machine stands and what it has been told, behind everything that has been given out."""
+
+    @property
+    def in_inches(self) -> bool:
+        """The program is in G20 here and being converted."""
+
+    @property
+    def ended(self) -> bool:
+        """Everything has been given out."""
+
+    @property
+    def place(self) -> tuple[float, ...]:
+        """Where the machine stands behind everything that has been given out, in the order of the state's axes."""
+
+    def relocate(self, position: Position) -> None:
+        """The machine's own account of where it stands."""
+
+    def skip(self) -> None:
+        """Follow what comes before the first line that is to go out."""
+
+    def more(self, most_lines: int) -> tuple[list[Upcoming], int]:
+        """The next blocks, up to a barrier, and how many lines that took. Raises PlanError, OSError."""
 
 
 class BatchPlanner:
@@ -101,7 +169,17 @@ class BatchPlanner:
         if held is None or not held.modal:
             state.absolute = absolute
         state.locate(dict(position or {}))
-        self._reader = BlockReader(lines, rules, state, skip_to=skip_to)
+        self._begin(BlockReader(lines, rules, state, skip_to=skip_to), limits)
+
+    @classmethod
+    def over(cls, reader: Reader, limits: BatchLimits) -> Self:
+        """Of blocks that another reader makes."""
+        planner = cls.__new__(cls)
+        planner._begin(reader, limits)
+        return planner
+
+    def _begin(self, reader: Reader, limits: BatchLimits) -> None:
+        self._reader = reader
         self._limits = limits
         self._ahead: list[Upcoming] = []
         self._fitting = 0
@@ -113,7 +191,8 @@ class BatchPlanner:
     @property
     def position(self) -> Position:
         """Where the machine will stand after everything that has been planned and read ahead."""
-        return self.state.place()
+        self._reader.skip()
+        return self._position(self._reader.place)
 
     @property
     def state(self) -> State:
@@ -239,6 +318,8 @@ class BatchPlanner:
             motion=any(item.moves for item in items),
             tool_change=barrier is not None and barrier.tool_change,
             lines=() if lines == list(range(first.line, first.line + count)) else tuple(lines),
+            parts=tuple([item.part for item in items]) if any(item.part for item in items) else (),
+            pauses=barrier is not None and barrier.pauses,
         )
 
     def _position(self, place: Place) -> Position:

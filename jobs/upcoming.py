@@ -45,6 +45,7 @@ class Barrier:
     locate: bool = False
     ends_program: bool = False
     tool_change: bool = False
+    pauses: bool = False
 
 
 @dataclass(slots=True)  # not frozen: that doubles the time of making one, and there is one a block
@@ -52,6 +53,7 @@ class Upcoming:
     """A block. `cost_s` counts against the bound of a batch: without end where the length is not known.
 
     `end`: where the machine stands behind it, program coordinates in the order of the state's axes, NaN unknown.
+    `part`: as in jobs.batch.PlannedBatch.
     """
 
     line: int
@@ -62,6 +64,7 @@ class Upcoming:
     end: tuple[float, ...]
     barrier: Barrier | None = None
     tool: int | None = None
+    part: int = 0
 
 
 @dataclass(frozen=True, slots=True)
