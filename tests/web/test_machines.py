@@ -16,16 +16,12 @@ SECOND = '\n[[machine]]\nname = "lathe"\nport = "sim:?speed_factor=4"\n'
 TOOL = "G21 G90\nG28\nT3 M6\nG1 X10 F3000\nM30\n"
 AGAIN_MS = 4000
 """lib/sound.js"""
-COUNT_TONES = (
-    """
+COUNT_TONES = """
     window.tones = 0;
-    const every = setInterval;
-    window.setInterval = (what, ms, ...more) => every(what, ms === %d ? ms / 10 : ms, ...more);
-    const start = OscillatorNode.prototype.start;
+    const every = setInterval, start = OscillatorNode.prototype.start;
+    window.setInterval = (what, ms, ...more) => every(what, ms === AGAIN ? ms / 10 : ms, ...more);
     OscillatorNode.prototype.start = function (...when) { window.tones += 1; return start.apply(this, when); };
-"""
-    % AGAIN_MS
-)
+""".replace("AGAIN", str(AGAIN_MS))
 
 
 def test_two_machines_are_told_apart_and_a_call_leads_to_its_own(
