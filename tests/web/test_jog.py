@@ -126,3 +126,9 @@ def test_a_block_by_hand_and_the_wire_are_seen_in_the_console(person: Screen, mi
     expect(person.named("answer")).to_have_text("G55: refused")
     command.press("ArrowUp")
     expect(command).to_have_value("G55")
+    trap = "(<img src=x onerror=alert>)"
+    person.named("console-filter").fill("")
+    command.fill(trap)
+    command.press("Enter")
+    expect(person.named("answer")).to_contain_text(trap)
+    assert person.page.locator("img[src=x]").count() == 0, "what goes over the wire is text"

@@ -40,6 +40,15 @@ def test_the_policy_is_the_one_that_was_promised(mill: Daemon) -> None:
     )
 
 
+def test_the_documentation_of_the_api_is_read_without_the_internet(
+    mill: Daemon, screens: Callable[..., Screen]
+) -> None:
+    one = screens(mill.url)
+    one.page.route(lambda address: not address.startswith(mill.url), lambda route: route.abort())
+    one.page.goto(f"{mill.url}/docs")
+    expect(one.page.locator("details code", has_text="/api/v1/machines/{m}/estop")).to_be_visible()
+
+
 @pytest.mark.parametrize("size", SIZES)
 def test_every_page_fits_and_is_for_fingers(mill: Daemon, screens: Callable[..., Screen], size: str) -> None:
     one = screens(mill.url, SIZES[size])

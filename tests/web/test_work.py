@@ -56,6 +56,23 @@ def test_from_the_upload_to_the_history(person: Screen, mill: Daemon) -> None:
     expect(person.named("certain")).to_have_text("line 124 of 124")
 
 
+def test_a_file_is_dropped_in_from_anywhere_on_the_page(person: Screen) -> None:
+    person.go("mill/programs")
+    dropped = person.page.evaluate_handle(
+        """(text) => {
+            const files = new DataTransfer();
+            files.items.add(new File([text], "dropped.nc"));
+            return files;
+        }""",
+        f"{CLEAN}G1 X4 F900\nM30\n",
+    )
+    person.page.dispatch_event("body", "dragover", {"dataTransfer": dropped})
+    expect(person.page.locator(".drop")).to_have_class(re.compile("over"))
+    person.page.dispatch_event("body", "drop", {"dataTransfer": dropped})
+    expect(person.named("program").locator("h2")).to_contain_text("dropped.nc")
+    expect(person.named("report")).to_be_visible()
+
+
 def test_a_program_with_errors_cannot_be_started_and_shows_the_line(person: Screen) -> None:
     upload(person, "faulty.nc", FAULTY)
     expect(person.named("report")).to_have_attribute("data-verdict", "errors")
