@@ -249,7 +249,8 @@ class Machine:
                 return
             case BatchSent() | BatchReceived() | BatchDone():
                 self._acks.handle(event, self._loop.time())
-                self._reduce(event)
+                if isinstance(event, BatchReceived):  # the others say nothing about the machine
+                    self._reduce(event)
                 self.stream.handle(event)
                 return
             case ProtocolFault():
