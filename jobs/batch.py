@@ -53,7 +53,8 @@ class PlannedBatch:
     `motion`: at least one block moves an axis. `lines`: that of each block; empty where they follow one another.
     `parts`: of a line that becomes several blocks, for each block behind which it goes on, how far it is
     (jobs/frames.py), and 0 where the line ends; empty where every line is one block. `pauses`: behind it the job stands
-    still until somebody resumes it.
+    still until somebody resumes it. `io`: words for the tool changer in their order, as ("T", 3), ("M", 8). `set_tool`:
+    the block stands for an M61 with this tool.
     """
 
     first_line: int
@@ -71,6 +72,8 @@ class PlannedBatch:
     lines: tuple[int, ...] = ()
     parts: tuple[int, ...] = ()
     pauses: bool = False
+    io: tuple[tuple[str, int], ...] = ()
+    set_tool: int | None = None
 
     def line_of(self, block: int) -> int:
         """The line of a block, which is counted from 0."""
@@ -175,7 +178,7 @@ class BatchPlanner:
     def over(cls, reader: Reader, limits: BatchLimits) -> Self:
         """Of blocks that another reader makes."""
         planner = cls.__new__(cls)
-        planner._begin(reader, limits)
+        planner._begin(reader, limits)  # noqa: SLF001 - its own
         return planner
 
     def _begin(self, reader: Reader, limits: BatchLimits) -> None:

@@ -7,7 +7,7 @@ after a crash (runner.py) hangs on it.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, Literal
 
 from jobs.batch import PlannedBatch
 from jobs.delivery import Policy
@@ -71,7 +71,8 @@ class Submit:
 
 @dataclass(frozen=True, slots=True)
 class MarkBatch:
-    """The end of a row. Times are RFC 3339; `end` replaces the planned position where the true one is known."""
+    """The end of a row. Times are RFC 3339; `end` replaces the planned position where the true one is known, `cut` the
+    batch of the row where only its first blocks were executed, and the others certainly not."""
 
     entry: Entry
     status: RowStatus
@@ -82,6 +83,7 @@ class MarkBatch:
     received_at: str | None = None
     ok_at: str | None = None
     end: Position | None = None
+    cut: PlannedBatch | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,4 +113,14 @@ class Note:
     data: Mapping[str, Any]
 
 
-Effect = JournalBatch | Submit | MarkBatch | SetStatus | SetHold | Note
+@dataclass(frozen=True, slots=True)
+class ToolAsk:
+    """Ask the tool changer. `number`: the tool; of `coolant` the code that was handed over, 7, 8 or 9. `again`: a tool
+    that a daemon before us has asked for, and nobody has seen the end of it. The answer may come at once."""
+
+    what: Literal["prepare", "start", "change", "set", "again", "coolant"]
+    number: int | None = None
+    line: int | None = None
+
+
+Effect = JournalBatch | Submit | MarkBatch | SetStatus | SetHold | Note | ToolAsk

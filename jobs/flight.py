@@ -29,6 +29,7 @@ class Inheritance:
     batches: tuple[SendBatch, ...]
     start: Position
     move_until: float
+    executed: int | None = None
 
 
 @dataclass(slots=True)

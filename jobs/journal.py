@@ -19,15 +19,18 @@ from protocol.errors import LocalError
 BODY_FIELDS = tuple(field.name for field in fields(PlannedBatch))
 
 INSERT = """
-insert into batches (job, seq, machine, wire_id, line_from, line_to, blocks, seconds, "end", body, status, attempts,
-                     inferred, planned_at)
-values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, 'planned', 0, 0, ?)
+insert into batches (job, seq, machine, wire_id, line_from, line_to, blocks, seconds, "end", part, body, status,
+                     attempts, inferred, planned_at)
+values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, 'planned', 0, 0, ?)
 on conflict (job, seq) do update set wire_id = excluded.wire_id, planned_at = excluded.planned_at, status = 'planned'
 """
 MARK = """
 update batches set status = ?, attempts = ?, inferred = ?, sent_at = ?, received_at = ?, ok_at = ?,
                    "end" = coalesce(?, "end"), body = case when ? then null else body end
 where job = ? and seq = ? and wire_id = ?
+"""
+CUT = """
+update batches set line_to = ?, blocks = ?, seconds = ?, part = ? where job = ? and seq = ? and wire_id = ?
 """
 RAISE_HIGHEST = """
 insert into machines (name, highest_id) values (?, ?)
@@ -37,12 +40,16 @@ on conflict (name) do update set highest_id = max(highest_id, excluded.highest_i
 
 @dataclass(frozen=True, slots=True)
 class Past:
-    """What the journal knows of a job. `position`: where the machine stood before the first open row."""
+    """What the journal knows of a job. `position`: where the machine stood before the first open row, `part`: how far
+    it was in the line behind the certain ones, `executed`: the wire ID of the last block that is certain, where a
+    batch has the ID of its first block (protocol.engine.OpenWork)."""
 
     open: tuple[Entry, ...]
     next_seq: int
     position: Position
     seconds_done: float
+    part: int = 0
+    executed: int | None = None
 
 
 def journal(db: Database, machine: str, entry: Entry, at: str) -> None:
@@ -60,6 +67,7 @@ def journal(db: Database, machine: str, entry: Entry, at: str) -> None:
             len(batch.blocks),
             batch.seconds,
             json.dumps(dict(batch.end)),
+            batch.part,
             _body(batch),
             at,
         ],
@@ -90,6 +98,9 @@ def mark(db: Database, effect: MarkBatch) -> None:
     )
     if changed.rowcount != 1:
         raise LocalError(f"no row {entry.seq} of job {entry.job_id} under ID {entry.wire_id} to mark")
+    if (cut := effect.cut) is not None:
+        key = [entry.job_id, entry.seq, entry.wire_id]
+        db.conn.execute(CUT, [cut.last_line, len(cut.blocks), cut.seconds, cut.part, *key])
     db.conn.execute("update jobs set line_done = ? where id = ?", [effect.line_done, entry.job_id])
 
 
@@ -100,7 +111,12 @@ def past(db: Database, job: int, *, most_open: int = 2) -> Past:
         raise LocalError(f"job {job} has {len(rows)} open rows; there can be {most_open}")
     opened = tuple(Entry(job, row["seq"], row["wire_id"], _batch(row)) for row in rows)
     last = next(
-        db.query("select \"end\" from batches where job = ? and status = 'ok' order by seq desc limit 1", [job]), None
+        db.query(
+            """select "end", part, wire_id, blocks from batches where job = ? and status = 'ok'
+               order by seq desc limit 1""",
+            [job],
+        ),
+        None,
     )
     sums = next(
         db.query("select max(seq) as top, sum(seconds * (status = 'ok')) as s from batches where job = ?", [job])
@@ -110,7 +126,8 @@ def past(db: Database, job: int, *, most_open: int = 2) -> Past:
         position = json.loads(last["end"])
     elif opened:
         position = opened[0].batch.start
-    return Past(opened, (sums["top"] or 0) + 1, position, sums["s"] or 0.0)
+    part, executed = (0, None) if last is None else (last["part"], last["wire_id"] + last["blocks"] - 1)
+    return Past(opened, (sums["top"] or 0) + 1, position, sums["s"] or 0.0, part, executed)
 
 
 def rows_of(db: Database, job: int, *, limit: int, after: int = 0) -> list[dict[str, Any]]:
@@ -169,4 +186,6 @@ def _body(batch: PlannedBatch) -> str:
 
 def _batch(row: Mapping[str, Any]) -> PlannedBatch:
     body = json.loads(row["body"])
-    return PlannedBatch(**(body | {"blocks": tuple(body["blocks"]), "lines": tuple(body.get("lines", ()))}))
+    lists = {name: tuple(body.get(name, ())) for name in ("blocks", "lines", "parts")}
+    said = tuple((letter, number) for letter, number in body.get("io", ()))
+    return PlannedBatch(**(body | lists | {"io": said}))

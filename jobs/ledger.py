@@ -26,7 +26,8 @@ class Flight:
 @dataclass(slots=True)
 class Ledger:
     """`position` is where the machine stood after the last batch that is done. `doubtful`: lines, from and to.
-    `inherited_doubt`: the lines that were in doubt, for good, before this process began."""
+    `inherited_doubt`: the lines that were in doubt, for good, before this process began. `executed`: the wire ID of the
+    last block that is certain (jobs.journal.Past)."""
 
     cursor: Cursor = field(default_factory=Cursor)
     position: Position = field(default_factory=dict)
@@ -34,6 +35,7 @@ class Ledger:
     open: list[Flight] = field(default_factory=list)
     doubtful: list[tuple[int, int]] = field(default_factory=list)
     inherited_doubt: tuple[int, int] | None = None
+    executed: int | None = None
 
     def flight(self, id: int) -> Flight | None:
         """The open row of this wire ID."""
@@ -78,7 +80,8 @@ class Ledger:
         """It was executed; the machine stands at `position`, where it was asked for that, else where it was planned."""
         batch = flight.entry.batch
         self.open.remove(flight)
-        self.cursor = self.cursor.was_done(batch.last_line)
+        self.cursor = self.cursor.was_done(batch.line_behind(len(batch.blocks) - 1))
+        self.executed = flight.entry.wire_id + len(batch.blocks) - 1
         self.seconds_done += batch.seconds
         self.position = dict(batch.end if position is None else position)
         return self._mark(flight, RowStatus.OK, inferred=inferred, ok_at=at, end=self.position)
@@ -99,16 +102,32 @@ class Ledger:
         touched = len(batch.blocks) if lines_touched is None else lines_touched
         self.open.remove(flight)
         if done:
-            self.cursor = self.cursor.was_done(batch.line_of(done - 1))
+            self.cursor = self.cursor.was_done(batch.line_behind(done - 1))
         if touched > done:
             self.doubtful.append((batch.line_of(done), batch.line_of(touched - 1)))
         return self._mark(flight, RowStatus.FAILED if touched else RowStatus.UNSENT)
+
+    def cut(self, flight: Flight, blocks: int, position: Position, at: str) -> tuple[MarkBatch, PlannedBatch]:
+        """Its first `blocks` blocks are executed, behind which the machine stands at `position`, and no other: the
+        mark, and the rest, which was never sent."""
+        first, rest = flight.entry.batch.cut(blocks, position)
+        self.open.remove(flight)
+        self.cursor = self.cursor.was_done(first.line_behind(blocks - 1)).fell_back(first.last_line)
+        self.executed = flight.entry.wire_id + blocks - 1
+        self.seconds_done += first.seconds
+        self.position = dict(position)
+        return self._mark(flight, RowStatus.OK, ok_at=at, end=self.position, cut=first), rest
 
     def undo(self) -> tuple[list[MarkBatch], list[PlannedBatch]]:
         """Whatever is open never arrived: the marks, and the batches to be sent again, in order."""
         undone, self.open = self.open, []
         self.cursor = self.cursor.fell_back(self.cursor.done)
         return [self._mark(flight, RowStatus.UNDONE) for flight in undone], [flight.entry.batch for flight in undone]
+
+    def left_out(self, entry: Entry) -> MarkBatch:
+        """A row that never goes out, for there is nothing left to do for its line."""
+        self.cursor = self.cursor.was_done(entry.batch.last_line)
+        return self._mark(Flight(entry), RowStatus.UNSENT)
 
     def unsent(self, entry: Entry) -> MarkBatch:
         """A row that never went out."""
@@ -122,6 +141,7 @@ class Ledger:
         inferred: bool = False,
         ok_at: str | None = None,
         end: Position | None = None,
+        cut: PlannedBatch | None = None,
     ) -> MarkBatch:
         return MarkBatch(
             flight.entry,
@@ -133,4 +153,5 @@ class Ledger:
             received_at=flight.received_at,
             ok_at=ok_at,
             end=end,
+            cut=cut,
         )

@@ -22,7 +22,7 @@ from jobs.flight import Adopted, LinkSide, Wishes
 from jobs.job import ENDED, JobError, Status
 from jobs.ledger import Flight
 from jobs.outcome import CANCELLED_UNASKED, ESTOP_DEMANDED, MACHINE_GONE, Outcome
-from jobs.runstate import RunState
+from jobs.toolside import ToolSide
 from protocol.commands import Position
 from protocol.events import (
     BatchDone,
@@ -42,7 +42,7 @@ from protocol.events import (
 
 
 @dataclass(slots=True)
-class Runner(RunState):
+class Runner(ToolSide):
     """See the head of this file."""
 
     def adopt(self, past: Adopted, *, last_life_at: float) -> list[Effect]:
@@ -58,6 +58,8 @@ class Runner(RunState):
             error = past.error or JobError("in_doubt", "The job was interrupted.")
             self._outcome = Outcome(Status.INTERRUPTED, error.code, error.message)
             self.ledger.inherit_doubt(error.line_from, error.line_to)
+        elif past.status is Status.WAITING and self.has_changer:
+            self._take_up_change()
         return self._drain()
 
     # --- what people want -------------------------------------------------------------------------------------
@@ -157,7 +159,7 @@ class Runner(RunState):
             case BatchDone(id=id, inferred=inferred, position=position) if flight := self.ledger.flight(id):
                 self._done(flight, inferred=inferred, position=position, at=at)
             case BatchFailed() if flight := self.ledger.flight(event.id):
-                self._failed(event, flight)
+                self._failed(event, flight, at=at)
             case StateReported(status=status, alarm=alarm):
                 self._reported = status
                 if status == "alarm":
@@ -210,9 +212,10 @@ class Runner(RunState):
             ahead.entry = Entry(self.job_id, ahead.seq, next_id, ahead.batch)
             ahead.durable = False
             self._emit(JournalBatch(ahead.entry))
-        elif free and ahead.durable and self.has_room:
+        elif free and ahead.durable and self.has_room and self._may_go(ahead.batch):
             self.feed.ahead = None
             self.ledger.submit(ahead.entry)
+            self._handed_over(ahead.batch)
             self._emit(Submit(ahead.entry.command(self.policy)))
         return self._drain()
 
@@ -253,9 +256,10 @@ class Runner(RunState):
             self._end(Outcome(Status.COMPLETED))
         if batch.locate_after:
             self.feed.relocate(self.ledger.position)
-        if batch.tool_change:
-            self._wishes.waiting = True
-            self._wishes.tool = batch.tool
+        if batch.pauses and not self._wishes.hold:
+            self._wishes.hold = True
+            self._emit(SetHold(hold=True))
+        self._arrived(batch)
 
     def _proven(self, ids: Iterable[int], *, at: str) -> None:
         """Batches that were executed for certain; each ends where it was planned to, for all that is known."""
@@ -263,8 +267,19 @@ class Runner(RunState):
             if flight := self.ledger.flight(id):
                 self._done(flight, inferred=True, position=None, at=at)
 
-    def _failed(self, event: BatchFailed, flight: Flight) -> None:
-        self._emit(self.ledger.failed(flight, event.lines_done, event.lines_touched))
+    def _failed(self, event: BatchFailed, flight: Flight, *, at: str) -> None:
+        done, blocks = event.lines_done or 0, len(flight.entry.batch.blocks)
+        if event.position is not None and event.lines_touched == done and 0 < done < blocks:
+            mark, rest = self.ledger.cut(flight, done, event.position, at)
+            self._emit(mark)
+            if event.reason == "link":
+                # Nothing is in doubt: what was sent behind it never ran. Whether it may go on FateSettled will show.
+                marks, undone = self.ledger.undo()
+                self._emit(*marks)
+                self.feed.put_back([rest, *undone])
+                return
+        else:
+            self._emit(self.ledger.failed(flight, event.lines_done, event.lines_touched))
         if event.reason == "restart":
             self.restarted = True
             self._interrupt(MACHINE_GONE)

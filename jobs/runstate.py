@@ -16,6 +16,7 @@ from jobs.flight import Inheritance, LinkSide, Wishes
 from jobs.job import ENDED, JobError, Status
 from jobs.ledger import Flight, Ledger
 from jobs.outcome import MACHINE_GONE, Outcome
+from jobs.toolchange import ToolChange
 from protocol.events import Status as MachineStatus
 
 
@@ -23,6 +24,7 @@ from protocol.events import Status as MachineStatus
 class RunState:
     """One job. `feed` yields what comes after the open rows; times in `now` are the engine's clock in seconds.
 
+    `has_changer`: M6 is a dialogue with the tool changer (`tools`); else with a controller that has one of its own.
     `_reported`: what the machine has last said that it is doing. `_refusal`: the line for which the job was held.
     """
 
@@ -34,6 +36,8 @@ class RunState:
     restarted: bool = False
     delivery: Delivery = field(default_factory=Delivery)
     policy: Policy = field(default_factory=Policy)
+    has_changer: bool = False
+    tools: ToolChange = field(default_factory=ToolChange)
     refused: int = 0
     _reported: MachineStatus | None = None
     _refusal: JobError | None = None
@@ -134,6 +138,7 @@ class RunState:
             tuple(flight.entry.command() for flight in self.ledger.open),
             dict(self.ledger.position),
             -math.inf if deadline is None else deadline,
+            self.ledger.executed,
         )
 
     # --- stopping ---------------------------------------------------------------------------------------------

@@ -125,6 +125,23 @@ def m010_modes(db: Database) -> None:
     db.execute("alter table jobs add column ignored_errors text")
 
 
+@migrations()
+def m011_tool_changers(db: Database) -> None:
+    """What outlives a daemon of a machine's tools (jobs/toolstore.py). `fault`: the reason of a latched fault, or null;
+    `tool_table`: in LinuxCNC's format, or null where there is none."""
+    db.execute("""
+        create table tool_changers (
+            machine text primary key, tool integer not null, tool_known integer not null, tool_table text,
+            fault integer)
+    """)
+
+
+@migrations()
+def m012_parts(db: Database) -> None:
+    """`part` of a row that ends within a line: how far the line is then (jobs/frames.py); 0: it ends with its line."""
+    db.execute("alter table batches add column part integer not null default 0")
+
+
 def prepare(db: Database) -> None:
     """Set the connection up and bring the tables to the newest state."""
     db.execute("pragma journal_mode = wal")

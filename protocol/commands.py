@@ -55,6 +55,14 @@ class Locate:
 
 
 @dataclass(frozen=True, slots=True)
+class SetPosition:
+    """Where the machine stands, by somebody's word: for one that cannot say it itself (ncframe). Nothing is sent."""
+
+    token: int
+    position: Position
+
+
+@dataclass(frozen=True, slots=True)
 class ClearAlarm:
     """RESETALERT on ElVinto, `$X` on Grbl."""
 
@@ -307,7 +315,7 @@ GrblCommand = (
 )
 """What only a Grbl knows; another engine answers it with `CommandFailed`."""
 
-LineCommand = RunBlock | Locate | ClearAlarm | ListFiles | RunFile | AskToolChange | GrblCommand
+LineCommand = RunBlock | Locate | SetPosition | ClearAlarm | ListFiles | RunFile | AskToolChange | GrblCommand
 Command = SendBatch | LineCommand
 RealtimeCommand = (
     EmergencyStop

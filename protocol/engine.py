@@ -29,11 +29,13 @@ class OpenWork:
     everything sent is known to be done. Without OpenWork nothing is under way and the machine is initialised.
     `move_until` (the shell's clock): up to then a batch that may never have arrived may be sent again to settle its
     fate; afterwards nothing that could move the machine goes out (elvinto §5.5).
+    `executed`: where a batch has the ID of its first block, the ID of the last block known to be executed (ncframe §4).
     """
 
     batches: tuple[SendBatch, ...]
     start: Position = field(default_factory=dict)
     move_until: float = -math.inf
+    executed: int | None = None
 
 
 class Engine(Protocol):

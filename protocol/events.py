@@ -84,7 +84,8 @@ class StateReported:
     """The machine's own account of itself. Absent values (None) were not in the report.
 
     `frame` tells what `position` is: machine coordinates, work coordinates, or both where a machine knows no
-    difference. `work_offset` is machine less work position.
+    difference. `work_offset` is machine less work position. `complete`: axes that are not in `position` are not known
+    any more; else nothing new was said of them.
     """
 
     status: Status
@@ -98,6 +99,7 @@ class StateReported:
     substate: int | None = None
     tool: int | None = None
     homed: bool | None = None
+    complete: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,7 +292,7 @@ class BatchFailed:
     """It did not run to its end: the machine's error, an alarm, the emergency stop. Its lines are in doubt.
 
     Where it is known: the first `lines_done` are executed, those from `lines_touched` on certainly not, and only what
-    lies between is in doubt.
+    lies between is in doubt. `position`: where the machine stands, if nothing is.
     """
 
     id: int
@@ -299,6 +301,7 @@ class BatchFailed:
     message: str
     lines_done: int | None = None
     lines_touched: int | None = None
+    position: Position | None = None
 
 
 @dataclass(frozen=True, slots=True)

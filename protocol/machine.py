@@ -194,7 +194,7 @@ def _positions(
     """Machine and work position. Grbl tells one of the two and now and then their difference (grbl II.5): an axis whose
     difference is not known yet has only the one that was told."""
     if report.frame == "both":
-        position = {**state.position, **report.position}
+        position = dict(report.position) if report.complete else {**state.position, **report.position}
         return position, position
     if report.frame == "machine":
         position = {**state.position, **report.position}

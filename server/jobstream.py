@@ -15,7 +15,7 @@ from sqlite_utils import Database
 from gcode.timeline import Timeline
 from jobs import history, journal, store
 from jobs.delivery import STANDING
-from jobs.effects import Effect, Entry, JournalBatch, MarkBatch, Note, RowStatus, SetHold, SetStatus, Submit
+from jobs.effects import Effect, Entry, JournalBatch, MarkBatch, Note, RowStatus, SetHold, SetStatus, Submit, ToolAsk
 from jobs.experience import Experience
 from jobs.job import ENDED, MOVING, Status
 from jobs.pace import Left, Pace, Reach
@@ -60,6 +60,9 @@ class JobStream:
         """The job whose program is being read, and whether somebody does not want it to begin any more."""
         self.reserved_cancelled = False
         self.on_status: Callable[[Status], None] = lambda _status: None
+        self.ask_changer: Callable[[ToolAsk], None] = lambda _ask: None
+        self.on_end: Callable[[Status, str], None] = lambda _status, _code: None
+        self._motion_allowed = True
         self._db = db
         self._hub = hub
         self._clock = clock
@@ -128,6 +131,7 @@ class JobStream:
         """The machine is this job's from now on."""
         self.row = row
         self.runner = runner
+        runner.tools.motion_allowed = self._motion_allowed
         self._pace = self._pace.of_job(row["planned_seconds"] or 0.0, row["moving_seconds"] or 0.0)
         self.react(effects)
 
@@ -194,7 +198,7 @@ class JobStream:
         if self.runner is None:
             return None
         past = self.runner.inherit()
-        return OpenWork(past.batches, past.start, past.move_until)
+        return OpenWork(past.batches, past.start, past.move_until, past.executed)
 
     def link_up(self, engine: Engine, pump: Callable[[], None], flush: Callable[[], None]) -> None:
         """A new epoch has begun; it does not take commands yet. `flush` writes what the engine has to send."""
@@ -290,6 +294,8 @@ class JobStream:
                 self.announce()
             case Note(kind=kind, data=data):
                 self.note(kind, **data)
+            case ToolAsk():
+                self.ask_changer(effect)
             case _:
                 assert_never(effect)
 
@@ -323,10 +329,40 @@ class JobStream:
             "ended_at": at if effect.after in ENDED else None,
         }
         self.announce()
-        if effect.after is Status.WAITING:
+        if effect.after is Status.WAITING and not runner.has_changer:
             self._hub.publish("tool", self.machine, {"tool": effect.tool, "job": runner.job_id})
         if effect.before is not effect.after:
+            if effect.after in ENDED or effect.after is Status.INTERRUPTED:
+                self.on_end(effect.after, "" if effect.error is None else effect.error.code)
             self.on_status(effect.after)
+
+    # --- the tool changer -------------------------------------------------------------------------------------
+
+    def tool_started(self) -> None:
+        """The changer has begun (server/toolchanger.py)."""
+        if self.runner is not None:
+            self.react(self.runner.tool_started())
+
+    def tool_changed(self, *, by_person: bool) -> None:
+        """The tool is in."""
+        if self.runner is not None:
+            self.react(self.runner.tool_changed(by_person=by_person))
+
+    def tool_failed(self, message: str, *, goes_on: bool) -> None:
+        """The tool is not in."""
+        if self.runner is not None:
+            self.react(self.runner.tool_failed(message, goes_on=goes_on))
+
+    def tool_late(self) -> None:
+        """The changer does not answer in time."""
+        if self.runner is not None:
+            self.react(self.runner.tool_late())
+
+    def tool_free(self, *, motion_allowed: bool) -> None:
+        """Whether the changer lets the machine move has changed."""
+        self._motion_allowed = motion_allowed
+        if self.runner is not None:
+            self.react(self.runner.tool_free(motion_allowed=motion_allowed))
 
     def _change_pace(self, effect: SetStatus) -> None:
         """A machine that stands still by intention is not slow."""

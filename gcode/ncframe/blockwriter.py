@@ -125,7 +125,7 @@ class BlockWriter:
         else:
             made = self.memory.items(m=_number(code), t=self._tool(pending))
         changes_tool = code.effect in _BEFORE
-        stop = Stop(code.locate, code.effect == "program_end", changes_tool)
+        stop = Stop(code.locate, code.effect == "program_end", changes_tool, code.name == "M0")
         self.memory.forget(tool=not changes_tool)
         return Frame(
             int(pending.line), made, self.place, stop=stop, tool=self._state.selected if changes_tool else None

@@ -28,11 +28,15 @@ class BlockLine(int):
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Why nothing of the program may be on its way behind this frame. The machine cannot say where it stands."""
+    """Why nothing of the program may be on its way behind this frame. The machine cannot say where it stands.
+
+    `pauses`: M0. The machine has a frame of it like any other; whoever sends the frames waits for people.
+    """
 
     locate: bool = False
     ends_program: bool = False
     tool_change: bool = False
+    pauses: bool = False
 
 
 @dataclass(slots=True)  # not frozen: there is one a frame, and that doubles the time of making it

@@ -21,6 +21,7 @@ from protocol.commands import (
     RunBlock,
     RunFile,
     SendBatch,
+    SetPosition,
 )
 from protocol.elvinto.codec import Message, encode_gcode, encode_message
 from protocol.elvinto.dialect import Dialect
@@ -161,7 +162,7 @@ class ElvintoEngine(Settling):
                 self._query_token = token
                 self._enter(Phase.TOOLCHECK, now)
             case _:
-                assert isinstance(command, GrblCommand), "a command of the realtime lane"
+                assert isinstance(command, GrblCommand | SetPosition), "a command of the realtime lane"
                 self._emit(CommandFailed(command.token, None, "an ElVinto machine does not know this command"))
 
     def realtime(self, command: RealtimeCommand, now: float) -> None:

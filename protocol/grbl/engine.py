@@ -27,6 +27,7 @@ from protocol.commands import (
     RunFile,
     SafetyDoor,
     SendBatch,
+    SetPosition,
     SoftReset,
     SpindleStopToggle,
     Stop,
@@ -201,8 +202,8 @@ class GrblEngine(Watching):
             case Locate(token=token):
                 self._locates.append((token, self._poll.asked))
                 self._poll.next_at = min(self._poll.next_at, now)
-            case ListFiles(token=token) | RunFile(token=token) | AskToolChange(token=token):
-                self._emit(CommandFailed(token, None, "this engine does not speak of files or tools of a Grbl"))
+            case ListFiles(token=token) | RunFile(token=token) | AskToolChange(token=token) | SetPosition(token=token):
+                self._emit(CommandFailed(token, None, "a Grbl has no files and no such question"))
             case _:
                 assert isinstance(command, GrblCommand | ClearAlarm), "a command of the realtime lane"
                 self._submit_asked(command)

@@ -14,9 +14,11 @@ from protocol.commands import (
     EmergencyStop,
     FeedHold,
     Locate,
+    Position,
     RealtimeCommand,
     RunBlock,
     SendBatch,
+    SetPosition,
     Stop,
 )
 from protocol.engine import Frame as Recorded
@@ -124,6 +126,8 @@ class NcFrameEngine(Settling):
                 self._submit_batch(command, now)
             case RunBlock():
                 self._submit_by_hand(command, now)
+            case SetPosition(token, position):
+                self._set_position(token, position, now)
             case Locate(token):
                 self._locate_token = token
                 self._poll(now)
@@ -160,6 +164,16 @@ class NcFrameEngine(Settling):
             batch = SendBatch(self.next_id, command.blocks, command.expected_s)
             self._take_off(batch, frames, now, token=command.token)
 
+    def _set_position(self, token: int, position: Position, now: float) -> None:
+        """The machine never says where it stands: somebody has looked."""
+        if self._alarm is not None:
+            self._emit(CommandFailed(token, None, "the machine is in alarm; clear it first"))
+            return
+        self._standing = {**self._standing, **position}
+        self._tell(self._resting_status, now)
+        self._arm_rest(now)
+        self._emit(CommandDone(token))
+
     # --- the realtime lane --------------------------------------------------------------------------------------
 
     def realtime(self, command: RealtimeCommand, now: float) -> None:
@@ -175,6 +189,7 @@ class NcFrameEngine(Settling):
                 self._hold_tokens.append(token)
                 self._stand(now)
             case Stop(token):
+                self._hold = False
                 self._stop_tokens.append(token)
                 self._stand(now)
             case CycleStart(token):

@@ -236,7 +236,7 @@ class Exchange(ABC):
         """The state, and the position as far as it is known."""
         self._status, self._told_at = status, now
         at = self._standing if self._flight is None else self._flight.position
-        self._emit(StateReported(status, dict(at), alarm=self._alarm))
+        self._emit(StateReported(status, dict(at), alarm=self._alarm, complete=True))
 
     def _fail_queries(self, why: str) -> None:
         for token in (self._locate_token, self._clear_token):

@@ -63,7 +63,7 @@ class Flights(Exchange):
         if flight.done == len(flight.frames):
             self._land(flight, now)
         elif self._stop_tokens:
-            self._fail("stop", None, "stopped by hand behind a frame")
+            self._fail("stop", None, "stopped by hand behind a frame", located=True)
             self._answer_stops()
             self._tell(self._resting_status, now)
             self._go_idle(now)
@@ -199,7 +199,7 @@ class Flights(Exchange):
         flight.sent = flight.done
         if flight.naks > self._dialect.max_naks:
             text = flight.frames[flight.done].to_text()
-            self._fail("error", None, f"the machine has refused {text} {flight.naks} times")
+            self._fail("error", None, f"the machine has refused {text} {flight.naks} times", located=True)
             self._tell("idle", now)
             self._go_idle(now)
             return
@@ -240,9 +240,9 @@ class Flights(Exchange):
 
     # --- what goes wrong ------------------------------------------------------------------------------------------
 
-    def _fail(self, reason: Reason, code: int | None, message: str) -> None:
+    def _fail(self, reason: Reason, code: int | None, message: str, *, located: bool = False) -> None:
         """What is in flight does not run to its end: the frames that are done are certain, and so are those that were
-        not sent; the one between may be either."""
+        not sent; the one between may be either. `located`: the machine has not moved of its own accord."""
         flight, self._flight = self._flight, None
         if flight is None:
             return
@@ -253,7 +253,8 @@ class Flights(Exchange):
             self._emit(CommandFailed(flight.token, code, message + some))
             return
         self._next += 1
-        self._emit(BatchFailed(flight.batch.id, reason, code, message, flight.done, flight.sent))
+        position = dict(flight.position) if located and flight.sent == flight.done else None
+        self._emit(BatchFailed(flight.batch.id, reason, code, message, flight.done, flight.sent, position))
 
     def _doubt(self, reason: str, now: float) -> None:
         """Nobody knows whether the frame on the wire was executed: the position is not known any more."""

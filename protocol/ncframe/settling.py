@@ -7,9 +7,10 @@ proves nothing, and without a counter nothing is proven.
 
 from dataclasses import dataclass
 
-from protocol.commands import Position, SendBatch
+from protocol.commands import SendBatch
 from protocol.engine import OpenWork
 from protocol.events import (
+    BatchDone,
     BatchFailed,
     CommandDone,
     FateInDoubt,
@@ -22,14 +23,16 @@ from protocol.ncframe.dialect import Dialect
 from protocol.ncframe.flights import HIGHEST_AFTER_RESTART, Flights
 from protocol.ncframe.phases import Flight, Inquiry, Reason
 
-NO_COUNTER = "the machine counts no frames: whether those that were on their way were executed cannot be found out"
+NO_COUNTER = (
+    "the machine counts no frames: whether those that were on their way were executed cannot be found out, nor where "
+    "it stands"
+)
 
 
 @dataclass(slots=True)
 class Case:
-    """A batch of which some frames are counted goes on; `done` before it, `undone` behind it."""
+    """A batch of which some frames are counted goes on; `undone` behind it."""
 
-    done: tuple[int, ...]
     undone: tuple[int, ...]
 
 
@@ -82,7 +85,7 @@ class Settling(Flights):
             self._emit(FateInDoubt((), ids, NO_COUNTER) if ids else FateSettled((), (), dict(work.start)))
             self._standing = {} if ids else work.start
         elif not ids:
-            self._nothing_open(count, work.start)
+            self._nothing_open(count, work)
         elif (shared := share(work.batches, count)) is None:
             self._unshared(count, ids)
         elif count <= HIGHEST_AFTER_RESTART:
@@ -98,11 +101,15 @@ class Settling(Flights):
         if self._ready:
             self._tell("idle", now)
 
-    def _nothing_open(self, count: int, start: Position) -> None:
-        if count == 0:
-            self._standing = {}
-            self._emit(MachineRestarted("it counts 0 frames, and a job had been under way"))
-        self._emit(FateSettled((), (), dict(start) if count else {}))
+    def _nothing_open(self, count: int, work: OpenWork) -> None:
+        """All is known of the job, but not of the machine: it may have restarted, or somebody may have moved it."""
+        before = work.executed
+        self._standing = work.start if count == before else {}
+        behind = before is not None and 0 < (before - count) % COUNT_MODULUS < COUNT_MODULUS // 2
+        if count == 0 or behind:
+            known = "a job had been under way" if before is None else f"{before} were executed"
+            self._emit(MachineRestarted(f"it counts {count} frames, and {known}"))
+        self._emit(FateSettled((), (), dict(self._standing)))
 
     def _unshared(self, count: int, ids: tuple[int, ...]) -> None:
         """Counted less than before the open batches, or more than they are."""
@@ -125,20 +132,22 @@ class Settling(Flights):
             self._emit(FateSettled(done, rest, dict(self._standing)))
             self._go_idle(now)
             return
+        for id in done:
+            self._emit(BatchDone(id, inferred=True))
         batch = work.batches[shared.done]
         frames = tuple(Frame.from_text(block) for block in batch.blocks)
         position = dict(self._standing)
         for frame in frames[: shared.frames]:
             position = self._pace.moved(frame, position)
         if now <= work.move_until:
-            self._case = Case(done, rest[1:])
+            self._case = Case(rest[1:])
             self._flight = Flight(batch, frames, None, position, shared.frames, shared.frames)
             self._send_next(now)
             return
         self._standing = position
         why = f"the link broke behind frame {shared.frames} of {len(frames)}; the others were not executed"
-        self._emit(BatchFailed(batch.id, "link", None, why, shared.frames, shared.frames))
-        self._emit(FateSettled(done, rest[1:], dict(position)))
+        self._emit(BatchFailed(batch.id, "link", None, why, shared.frames, shared.frames, dict(position)))
+        self._emit(FateSettled((), rest[1:], dict(position)))
         self._go_idle(now)
 
     def _report_done(self, flight: Flight) -> None:
@@ -146,13 +155,13 @@ class Settling(Flights):
         if case is None:
             super()._report_done(flight)
         else:
-            self._emit(FateSettled((*case.done, flight.batch.id), case.undone, dict(self._standing)))
+            self._emit(FateSettled((flight.batch.id,), case.undone, dict(self._standing)))
 
-    def _fail(self, reason: Reason, code: int | None, message: str) -> None:
-        super()._fail(reason, code, message)
+    def _fail(self, reason: Reason, code: int | None, message: str, *, located: bool = False) -> None:
+        super()._fail(reason, code, message, located=located)
         case, self._case = self._case, None
         if case is not None:
-            self._emit(FateSettled(case.done, case.undone, dict(self._standing)))
+            self._emit(FateSettled((), case.undone, dict(self._standing)))
 
     # --- errands between batches ------------------------------------------------------------------------------------
 
@@ -188,6 +197,7 @@ class Settling(Flights):
         work, self._open_work = self._open_work, None
         if work is not None:
             self._emit(FateInDoubt((), tuple(batch.id for batch in work.batches), message))
+        self._hold = False
         self._fail(reason, None, message)
         self._fail_queries(message)
         self._answer_stops()

@@ -30,9 +30,14 @@ DIALECT = Dialect(check="none", poll_interval_s=0)
 
 
 def settle(
-    batches: Sequence[SendBatch], count: int, *, move_until: float = -math.inf, start: float = 0.0
+    batches: Sequence[SendBatch],
+    count: int,
+    *,
+    move_until: float = -math.inf,
+    start: float = 0.0,
+    executed: int | None = None,
 ) -> tuple[Scene, list[Event]]:
-    scene = Scene(DIALECT, OpenWork(tuple(batches), {"x": start}, move_until))
+    scene = Scene(DIALECT, OpenWork(tuple(batches), {"x": start}, move_until, executed))
     scene.greet(count)
     return scene, scene.news()
 
@@ -121,9 +126,18 @@ def test_what_a_restarted_machine_could_count_as_well_proves_nothing(id: int, co
     assert settle([batch(1, "X1", "X2")], 2)[1][1] == FateSettled((1,), (), {"x": 0.0})
 
 
-def test_nothing_was_open() -> None:
-    assert settle([], 7)[1] == [FateSettled((), (), {"x": 0.0}), LinkReady()]
-    news = settle([], 0)[1]
+def test_nothing_was_open_and_the_machine_has_executed_nothing_else() -> None:
+    assert settle([], 7, executed=7)[1] == [FateSettled((), (), {"x": 0.0}), LinkReady()]
+
+
+@pytest.mark.parametrize("executed", [6, None])
+def test_frames_of_somebody_else_have_moved_it_meanwhile(executed: int | None) -> None:
+    assert settle([], 7, executed=executed)[1] == [FateSettled((), (), {}), LinkReady()]
+
+
+@pytest.mark.parametrize("executed", [7, None])
+def test_nothing_was_open_and_the_machine_has_restarted(executed: int | None) -> None:
+    news = settle([], 0, executed=executed)[1]
     assert isinstance(news[0], MachineRestarted)
     assert news[1:] == [FateSettled((), (), {}), LinkReady()]
 
