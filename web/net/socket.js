@@ -93,6 +93,7 @@ export class Connection {
     this.timer = setTimeout(() => this.again(), wait);
   }
 
+  /** Open, if the daemon lets us in. */
   async again() {
     try {
       if (!(await this.wiring.mayEnter())) return this.say("sign-in");

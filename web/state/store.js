@@ -107,4 +107,4 @@ document.addEventListener("visibilitychange", awake);
 addEventListener("online", awake);
 
 // Here, where those who listen are there: what came before would be heard by nobody.
-daemon.start();
+daemon.again();
