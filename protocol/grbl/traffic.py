@@ -154,6 +154,8 @@ class Traffic(ABC):
             window = self._active
             while (errand := self._next_errand()) is not None and window.takes(errand.lines[errand.sent]):
                 out += self._launch(errand, window, now)
+                if errand.batch is not None and errand.sent < len(errand.lines):
+                    break  # the window is full
         if out:
             self._frames.append((now, ">", out))
         return out
