@@ -200,8 +200,21 @@ async def _measured(grblsim: Path, folder: Path, program: list[str], *, compact:
             return found, 1e6 * (daemon.cpu_s() - began_s) / len(program)
 
 
+async def _bare(grblsim: Path, folder: Path, program: list[str]) -> tuple[dict[str, Any], float]:
+    path = folder / "program.nc"
+    path.write_bytes(as_bytes(iter(program)))
+    with rig(grblsim, folder, lines=len(program)) as port:
+        await asyncio.sleep(0.3)
+        async with process("bench.grblbare", str(port.link), str(path)) as sender:
+            cpu_s = float((await answer(sender))["cpu_s"])
+        return await port.done(), 1e6 * cpu_s / len(program)
+
+
 def on_grblsim(grblsim: Path, lines: int, compact_lines: int) -> Iterator[tuple[str, Iterator[Figure]]]:
-    """The figures of the measuring responder."""
+    """The figures of the measuring responder; first those of a sender that does nothing but count characters."""
+    with tempfile.TemporaryDirectory(prefix="millstream-bench-") as folder:
+        found, bare_ms = asyncio.run(_bare(grblsim, Path(folder), [*carved(SEED, lines)]))
+    yield "grblsim, a bare sender of a few lines", _of_a_bare_sender(found, bare_ms)
     for heading, count, compact, line_s in (
         ("grblsim, as it is", lines, False, None),
         (f"grblsim, compact, {compact_lines:,} lines", compact_lines, True, None),
@@ -211,7 +224,16 @@ def on_grblsim(grblsim: Path, lines: int, compact_lines: int) -> Iterator[tuple[
         with tempfile.TemporaryDirectory(prefix="millstream-bench-") as folder:
             program = [*carved(SEED, count)]
             found, cpu_ms = asyncio.run(_measured(grblsim, Path(folder), program, compact=compact, line_s=line_s))
-        yield heading, _of_grblsim(found, cpu_ms, compact=compact, paced=line_s is None)
+        rows = [*_of_grblsim(found, cpu_ms, compact=compact, paced=line_s is None)]
+        rows.append(Figure("processor time / the bare sender's", cpu_ms / max(bare_ms, 1e-6), "x"))
+        yield heading, iter(rows)
+
+
+def _of_a_bare_sender(found: dict[str, Any], cpu_ms: float) -> Iterator[Figure]:
+    yield Figure("lines a second", found["lines_per_s"], digits=1)
+    yield Figure("from an ok to the next bytes, median", found["turn_p50_us"], "us", digits=0)
+    yield Figure("from an ok to the next bytes, p99", found["turn_p99_us"], "us", digits=0)
+    yield Figure("its processor time for 1,000 lines", cpu_ms, "ms", digits=1)
 
 
 def _of_grblsim(found: dict[str, Any], cpu_ms: float, *, compact: bool, paced: bool) -> Iterator[Figure]:

@@ -69,7 +69,10 @@ def test_grbl_pauses() -> None:
 def test_grblsim_where_it_is(tmp_path: Path) -> None:
     if (grblsim := grblrig.compiled(tmp_path)) is None:
         pytest.skip("grblsim.c or a C compiler is not there")
-    for heading, rows in grbl.on_grblsim(grblsim, 60, 120):
+    (_, bare), *groups = grbl.on_grblsim(grblsim, 60, 120)
+    assert {figure.name: figure.value for figure in bare}["lines a second"] > 0
+    assert len(groups) == 4
+    for heading, rows in groups:
         figures = {figure.name: figure for figure in rows}
         assert figures["lines a second"].value > 0, heading
         assert figures["most bytes without an answer"].met
