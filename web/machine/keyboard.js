@@ -21,8 +21,13 @@ export const armed = signal(false);
 export function listen(moves) {
   let held = "";
   let idle = setTimeout(disarm, IDLE_MS);
-  function disarm() { armed.value = false; }
+  function disarm() {
+    armed.value = false;
+    if (held) moves.up();
+    held = "";
+  }
   function down(/** @type {KeyboardEvent} */ event) {
+    if (!armed.peek()) return; // disarmed this instant: whoever called `listen` may stop listening a frame later
     if (event.key === "Escape") return disarm();
     const way = KEYS[event.key];
     if (!way || typing(event.target) || event.ctrlKey || event.altKey || event.metaKey) return;
