@@ -86,6 +86,8 @@ ERROR_CODES: Mapping[str, str] = {
     "break_too_long": "the link was broken for longer than resume_within",
     "cancelled_in_doubt": "cancelled while the fate of the last batch was unknown",
     "preflight_failed": "the program does not pass the check for this machine",
+    "tool_change_failed": "the tool was not changed: the changer, or the operator, says that it cannot be",
+    "no_tool_word": "a tool change (M6) without a T word that says which tool",
     "program_missing": "the file of the program cannot be read",
     "not_plannable": "a line of the program cannot be sent to this machine",
 }

@@ -48,6 +48,16 @@ def held_for(said: str, inside: Sequence[int]) -> JobError:
     return JobError("line_refused", f"{said}. The machine is held; resume {goes_on}, cancel ends the job.", *span)
 
 
+def tool_change_failed(message: str) -> Outcome:
+    """The changer, or the person who is one, could not change the tool."""
+    return Outcome(Status.FAILED, "tool_change_failed", message)
+
+
+def no_tool_word(line: int) -> Outcome:
+    """An M6 and nobody knows for which tool: nothing has moved for it."""
+    return Outcome(Status.FAILED, "no_tool_word", f"Line {line}: M6 without a T word before it. Nothing has moved.")
+
+
 def lines_refused(count: int, first: str) -> Outcome:
     """The end of a check in which lines were refused."""
     return Outcome(Status.FAILED, "lines_refused", f"The controller refused {count} of the lines. {first}")

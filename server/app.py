@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from jobs import journal
+from jobs import journal, toolstore
 from jobs.program import ProgramStore
 from protocol.elvinto.engine import ElvintoEngine
 from protocol.grbl.engine import GrblEngine
@@ -134,6 +134,7 @@ class Workshop:
     async def stop(self) -> None:
         """Close the ports, make everything durable. What is in flight is settled at the next start (elvinto §5.4)."""
         for controller in self.machines.values():
+            controller.tools.close()
             controller.close()
         for worker in self._workers:
             worker.close()
@@ -154,6 +155,7 @@ class Workshop:
             opener=self._parts.opener(config),
             engine=engine_factory(config),
             highest_id=await self.db.run(journal.highest_id, config.name),
+            kept=await self.db.run(toolstore.load, config.name),
         )
 
 

@@ -19,6 +19,7 @@ from server.grblconfig import GrblConfig
 from server.motionconfig import MotionConfig
 from server.reentryconfig import ReentryConfig
 from server.section import Allowed, Section, as_tuple, refused
+from server.toolchangerconfig import ToolchangerConfig
 
 DEFAULT_DATA_DIR = "~/.local/share/millstream"
 
@@ -118,6 +119,7 @@ class MachineConfig(Section):
     grbl: GrblConfig = GrblConfig()
     motion: MotionConfig = MotionConfig()
     reentry: ReentryConfig = ReentryConfig()
+    toolchanger: ToolchangerConfig = ToolchangerConfig()
 
     @model_validator(mode="after")
     def _sections_belong(self) -> Self:
@@ -149,6 +151,11 @@ class MachineConfig(Section):
     def profile(self) -> str:
         """The name of the G-code profile that this machine's controller has."""
         return self.dialect.profile
+
+    @property
+    def has_changer(self) -> bool:
+        """M6 is a dialogue with the changer of [machine.toolchanger]; without, grblHAL asks a person by itself."""
+        return not (self.profile == "grblhal" and self.toolchanger.kind == "manual")
 
     @property
     def shareable(self) -> bool:

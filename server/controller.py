@@ -44,6 +44,7 @@ class Controller(Machine):
         self.stream.reserved_cancelled = True
         if self.stream.runner is not None:
             self.stream.react(self.stream.runner.emergency())
+        self.tools.estop()
         self.stream.note("estop_demanded", job=job, reached_wire=link is not None)
         if link is None:
             raise ProblemError(
@@ -117,6 +118,7 @@ class Controller(Machine):
         """The controller's own reset, at once, also in the middle of a job; without one the alarm is cleared and the
         machine greeted anew (INIT), and no job may be under way. Raises ProblemError."""
         port = self._port
+        self.tools.estop_reset()
         if self.verbs.reset is not None:
             self.press(self.verbs.reset)
             return
@@ -150,6 +152,11 @@ class Controller(Machine):
         if self.stream.moving:
             raise ProblemError("job_active", f"Job {self.stream.active_job} uses {self.name}.")
 
+    def check_tools(self) -> None:
+        """Raises ProblemError while the tool changer lets no job begin."""
+        if (refusal := self.tools.io.start_refusal) is not None:
+            raise ProblemError("wrong_state", f"No job can begin on {self.name}: {refusal}.")
+
     def check_by_hand(self) -> None:
         """Raises ProblemError unless somebody may use the machine by hand now."""
         self._check_no_job()
@@ -170,6 +177,7 @@ class Controller(Machine):
             raise ProblemError("wrong_state", f"{self.name} is in the state {self.state.status}; a job begins in idle.")
         if self.state.pendant:
             raise ProblemError("machine_busy", f"A pendant owns {self.name} (MPG).")
+        self.check_tools()
 
     # --- by hand ----------------------------------------------------------------------------------------------
 
@@ -188,11 +196,14 @@ class Controller(Machine):
                 _done(answer.result())
 
     async def unlock(self) -> None:
-        """RESETALERT, or `$X`. Raises ProblemError."""
+        """RESETALERT, or `$X`, and the end of the e-stop. Raises ProblemError."""
         self._check_no_job()
+        stopped = self.tools.estop_reset()
         if not self._ready:
             raise ProblemError("not_connected", f"{self.name} is {self.link_status}.")
         if self.verbs.unlocks_only_in_alarm and self.state.status != "alarm":
+            if stopped:
+                return
             raise ProblemError("wrong_state", f"{self.name} is not in alarm: it is {self.state.status}.")
         answer = self.ask(ClearAlarm)
         await asyncio.wait([answer], timeout=TAKEN_WITHIN_S)
@@ -277,7 +288,12 @@ class Controller(Machine):
     async def confirm_tool(self) -> None:
         """The operator has put the tool in. Raises ProblemError."""
         runner = self.stream.runner
-        if runner is not None and runner.status is Status.WAITING:
+        waiting = runner is not None and runner.status is Status.WAITING
+        if self.tools.io.may_confirm:
+            if waiting:
+                self.check_takes_commands()
+            self.tools.confirm()
+        elif runner is not None and waiting and not runner.has_changer:
             self.check_takes_commands()
             if runner.tool is not None:
                 self.state = replace(self.state, tool_requested=runner.tool)
@@ -285,7 +301,7 @@ class Controller(Machine):
             self._urge(self.verbs.go_on)
             self.stream.note("tool_confirmed", tool=runner.tool)
             self.stream.react(runner.confirm_tool())
-        elif self.state.tool_requested is not None:
+        elif self.state.tool_requested is not None and not waiting:
             self._urge(self.verbs.go_on)
             self.state = tool_confirmed(self.state)
         else:

@@ -338,31 +338,15 @@ class JobStream:
 
     # --- the tool changer -------------------------------------------------------------------------------------
 
-    def tool_started(self) -> None:
-        """The changer has begun (server/toolchanger.py)."""
+    def hear_changer(self, tell: Callable[[Runner], list[Effect]]) -> None:
+        """What the tool changer says to the job (server/toolchanger.py)."""
         if self.runner is not None:
-            self.react(self.runner.tool_started())
-
-    def tool_changed(self, *, by_person: bool) -> None:
-        """The tool is in."""
-        if self.runner is not None:
-            self.react(self.runner.tool_changed(by_person=by_person))
-
-    def tool_failed(self, message: str, *, goes_on: bool) -> None:
-        """The tool is not in."""
-        if self.runner is not None:
-            self.react(self.runner.tool_failed(message, goes_on=goes_on))
-
-    def tool_late(self) -> None:
-        """The changer does not answer in time."""
-        if self.runner is not None:
-            self.react(self.runner.tool_late())
+            self.react(tell(self.runner))
 
     def tool_free(self, *, motion_allowed: bool) -> None:
         """Whether the changer lets the machine move has changed."""
         self._motion_allowed = motion_allowed
-        if self.runner is not None:
-            self.react(self.runner.tool_free(motion_allowed=motion_allowed))
+        self.hear_changer(lambda runner: runner.tool_free(motion_allowed=motion_allowed))
 
     def _change_pace(self, effect: SetStatus) -> None:
         """A machine that stands still by intention is not slow."""

@@ -7,13 +7,16 @@ Not the wire (protocol), not the job's logic (jobs/runner.py), not HTTP. The one
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Protocol
 
+from jobs.toolstore import KeptTools
 from protocol.commands import EmergencyStop
 from protocol.engine import Engine, OpenWork
 from protocol.events import (
     Announced,
     BatchDone,
+    BatchFailed,
     BatchReceived,
     BatchSent,
     CommandDone,
@@ -30,7 +33,8 @@ from protocol.events import (
     StateReported,
     ToolRequested,
 )
-from protocol.machine import MachineState, reduce
+from protocol.iocontrol.config import AbortReason
+from protocol.machine import MachineState, reduce, tool_confirmed
 from server.clock import Clock, stamp
 from server.config import MachineConfig
 from server.dbthread import Db
@@ -44,6 +48,7 @@ from server.reconnect import Reconnect
 from server.recorder import Recorder, dump
 from server.serialport import Opener, Port
 from server.timing import AckTimer
+from server.toolchanger import ToolChanger
 from server.verbs import VERBS
 from server.views import alarm_view, said, state_view
 
@@ -76,6 +81,7 @@ class Machine:
         opener: Opener,
         engine: EngineFactory,
         highest_id: int = 0,
+        kept: KeptTools = KeptTools(),  # noqa: B008 - frozen
     ) -> None:
         self.config = config
         self.verbs = VERBS[config.protocol]
@@ -114,6 +120,12 @@ class Machine:
             metrics=self.metrics,
             frames=self._frames,
         )
+        self.tools = ToolChanger(
+            self.name, config.toolchanger, kept=kept, job=self.stream, db=db, hub=hub, loop=self._loop
+        )
+        self.tools.on_tool = self._tool_is
+        self.stream.ask_changer = self.tools.ask
+        self.stream.on_end = self.tools.job_ended
 
     # --- views ------------------------------------------------------------------------------------------------
 
@@ -269,13 +281,20 @@ class Machine:
         self._reduce(event)
         self.stream.handle(event)
         self.manual.handle(event)
+        self._follow(event)
+
+    def _follow(self, event: Event) -> None:
+        """What else follows, once state, job and commands by hand have heard of it."""
         match event:
             case LinkLost(reason=reason):
                 self._end_epoch(reason)
             case LinkReady():
                 self._publish_state()
             case ToolRequested(number=number) if not self.stream.moving:
-                self._hub.publish("tool", self.name, {"tool": number, "job": None})
+                if self.verbs.hold is not None or not self.tools.open(number):
+                    self._hub.publish("tool", self.name, {"tool": number, "job": None})
+            case BatchFailed(reason="estop"):
+                self.tools.abort(AbortReason.AUX_ESTOP, "the emergency stop was pressed at the machine")
             case FirmwareRead() | Announced() | StartupBlockRun() | ProbeReported():
                 self._tell(event)
             case _:
@@ -300,6 +319,12 @@ class Machine:
         self.stream.conditions(self.state)
         if self.state.alarm != before.alarm:
             self._hub.publish("alarm", self.name, {"alarm": alarm_view(self.state.alarm)})
+
+    def _tool_is(self, number: int | None) -> None:
+        """What the tool changer says of the spindle."""
+        if number is not None:
+            self.state = tool_confirmed(replace(self.state, tool_requested=number))
+            self._publish_state()
 
     def _publish_state(self) -> None:
         self._state_seq += 1

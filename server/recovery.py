@@ -193,6 +193,7 @@ class Recovery:
             raise ProblemError("wrong_state", f"{controller.name} is in the state {status}; a job goes on in idle.")
         if controller.state.pendant:
             raise ProblemError("machine_busy", f"A pendant owns {controller.name} (MPG).")
+        controller.check_tools()
 
     def _against(self, controller: Controller, row: Row, expected: Position) -> str | None:
         """Why the job cannot simply go on after its certain line."""

@@ -170,6 +170,7 @@ class Starter:
             announced=before,
             delivery=controller.config.dialect.delivery(),
             policy=Policy.of(row),
+            has_changer=controller.config.has_changer,
         )
         if plan.prologue:
             controller.stream.note("prologue", job=row["id"], line=plan.line, blocks=list(plan.prologue))
@@ -222,6 +223,7 @@ class Starter:
             Ledger(cursor=Cursor.at(row["line_done"]), position=past.position, seconds_done=past.seconds_done),
             delivery=delivery,
             policy=Policy.of(row),
+            has_changer=controller.config.has_changer,
         )
         adopted = Adopted(
             status,

@@ -37,16 +37,18 @@ from protocol.iocontrol.view import ANSWERS, IoView
 
 
 class IoControl(IoView):
-    """`tool`: what is in the spindle, 0 none, None not known; a random changer's table knows better. Starts with the
-    abort of §1, without which a changer could be in the middle of something."""
+    """`tool`: what is in the spindle, 0 none, None not known; a random changer's table knows better. `fault`: latched
+    before and not cleared. Starts with the abort of §1: a changer could be in the middle of something."""
 
-    def __init__(self, config: IoConfig, tool_table: ToolTable | None, now: float, *, tool: int | None = 0) -> None:
+    def __init__(
+        self, config: IoConfig, table: ToolTable | None, now: float, *, tool: int | None = 0, fault: int | None = None
+    ) -> None:
         self.config = config
-        if tool_table is not None and tool_table.random and tool is not None:
-            tool = tool_table.in_spindle
+        if table is not None and table.random and tool is not None:
+            tool = table.in_spindle
         self._board = Board(config.protocol_version, now)
         self._latch = FaultLatch(self._board)
-        self._handshake = Handshake(self._board, config, self._latch, tool_table, tool)
+        self._handshake = Handshake(self._board, config, self._latch, table, tool)
         self._estop = EStopChain(
             self._board, self._handshake, self._latch, pulse_s=config.pulse_s, stopped=config.starts_in_estop
         )
@@ -56,6 +58,8 @@ class IoControl(IoView):
             pin for pin in pins_of(config.protocol_version) if PINS[pin].direction == "in" and pin not in self._wired
         )
         self._told = WaitingFor(None)
+        if fault is not None:
+            self._latch.set(fault)
         self._handshake.signal_start()
         self._settle()
 

@@ -14,6 +14,7 @@ from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
 from server.motionconfig import MotionConfig
 from server.reentryconfig import ReentryConfig
+from server.toolchangerconfig import ToolchangerConfig
 from sim.faults import FaultRates
 from sim.options import (
     GRBL_KEYS,
@@ -31,6 +32,7 @@ SECTIONS: list[tuple[str, type[BaseModel]]] = [
     ("## `[machine.elvinto]`", ElvintoConfig),
     ("## `[machine.grbl]`", GrblConfig),
     ("## `[machine.reentry]`", ReentryConfig),
+    ("## `[machine.toolchanger]`", ToolchangerConfig),
 ]
 
 

@@ -159,6 +159,9 @@ def kill(controller: Any) -> None:
     if controller._link is not None:
         controller._link.close()
     controller._link = None
+    controller.tools._closed = True
+    if controller.tools._timer is not None:
+        controller.tools._timer.cancel()
     controller.stream._engine = None
     controller.stream.runner = None
     controller.stream._todo.clear()
