@@ -115,16 +115,6 @@ PARTS = (
         "three.module.js",
         "MIT",
     ),
-    Part(
-        "three",
-        "0.187.0",
-        "examples/jsm/controls/OrbitControls.js",
-        "e7fca2fe9e7670a828af9b28084669a5909445b7f36f1f26cee9bf8f2961c32c",
-        "orbit-controls.js",
-        "MIT",
-        # The second stands in its documentation only.
-        imports=(("three", "three.module.js"), ("three/addons/controls/OrbitControls.js", "orbit-controls.js")),
-    ),
 )
 
 

@@ -24,6 +24,8 @@ export interface State {
   homed?: boolean | null;
   pendant?: boolean;
   substate?: number | null;
+  ack_s?: number | null;
+  batch_s?: number | null;
   seq: number;
   at: string | null;
 }
@@ -34,6 +36,7 @@ export interface Machine {
   port: string;
   link: string;
   capabilities: string[];
+  travel?: Record<string, number[]>;
   state: State;
   active_job: number | null;
   queue_length: number;

@@ -37,3 +37,4 @@ export const soundOn = kept("sound", true);
 export const theme = kept("theme", "auto");
 export const jogStep = kept("jog.step", 1); // mm; 0: for as long as it is held
 export const jogFeed = kept("jog.feed", 1000); // mm/min
+export const previewOpen = kept("preview.open", false);

@@ -4,6 +4,7 @@
 import { html, useEffect } from "../lib/ui.js";
 import { t } from "../lib/i18n.js";
 import { can, chosen, watchLink } from "../state/store.js";
+import { JobPreview } from "../preview/panel.js";
 import { QueuePanel } from "../jobs/queue.js";
 import { Figures } from "./figures.js";
 import { JogPanel } from "./jog.js";
@@ -28,6 +29,7 @@ export function MachinePage() {
       <${Service} />
       <${LinkPanel} />
     </div>
+    <${JobPreview} />
     <${QueuePanel} />
     <${LogPanel} />
   </div>`;

@@ -10,6 +10,7 @@ import { attempt, queueJob } from "../state/actions.js";
 import { against, chosen, job, live } from "../state/store.js";
 import { Button } from "../parts/button.js";
 import { Dialog } from "../parts/dialog.js";
+import { PreviewPanel } from "../preview/panel.js";
 import { Findings, Report } from "./report.js";
 import { Source } from "./source.js";
 
@@ -42,6 +43,7 @@ export function ProgramView({ id }) {
       ${problem && html`<p class="problem">${problem}</p>`}
       <${Report} report=${report} onLine=${(/** @type {number} */ at) => { line.value = 0; line.value = at; }} />
     </section>
+    <${PreviewPanel} program=${id} />
     <${Source} program=${program} findings=${report} line=${line} current=${job.value?.program === id ? job.value.progress.line : 0} />
   </div>`;
 }

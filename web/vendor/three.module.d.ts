@@ -3,28 +3,22 @@ export class Vector3 {
   constructor(x?: number, y?: number, z?: number);
   x: number; y: number; z: number;
   set(x: number, y: number, z: number): this;
-  copy(other: Vector3): this;
   add(other: Vector3): this;
-  sub(other: Vector3): this;
   multiplyScalar(factor: number): this;
-  normalize(): this;
-  length(): number;
-  project(camera: OrthographicCamera): this;
 }
-export class Color { constructor(colour: string | number); set(colour: string | number): this; }
-export class Quaternion { copy(other: Quaternion): this; }
+export class Color { set(colour: string | number): this; }
+export class Matrix4 { set(...rows: number[]): this; }
 export class Object3D {
-  position: Vector3; up: Vector3; scale: Vector3; quaternion: Quaternion; rotation: { x: number; y: number; z: number };
+  position: Vector3; up: Vector3; scale: Vector3; matrix: Matrix4; matrixAutoUpdate: boolean;
   visible: boolean; frustumCulled: boolean; renderOrder: number;
   add(...children: Object3D[]): this;
   remove(...children: Object3D[]): this;
-  lookAt(at: Vector3): void;
+  updateMatrixWorld(force?: boolean): void;
 }
-export class Group extends Object3D {}
 export class Scene extends Object3D {}
 export class OrthographicCamera extends Object3D {
   constructor(left: number, right: number, top: number, bottom: number, near: number, far: number);
-  left: number; right: number; top: number; bottom: number; near: number; far: number; zoom: number;
+  left: number; right: number; top: number; bottom: number; near: number; far: number;
   updateProjectionMatrix(): void;
 }
 export class BufferAttribute {
@@ -57,10 +51,8 @@ export class Mesh extends Object3D {
 }
 export class WebGLRenderer {
   constructor(options: object);
-  domElement: HTMLCanvasElement;
   setPixelRatio(ratio: number): void;
   setSize(width: number, height: number, style?: boolean): void;
   render(scene: Scene, camera: OrthographicCamera): void;
-  dispose(): void;
-  forceContextLoss(): void;
+  getContext(): WebGL2RenderingContext;
 }
