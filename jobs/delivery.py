@@ -21,11 +21,15 @@ class Delivery:
 
     `remembers`: after a break the machine can be asked what became of them (elvinto §5.4); else they are in doubt.
     `holds`: it can stand still in the middle of a batch, go on, and drop what it has (grbl I, feed hold and reset).
+    `forgets`: a reset, unseen where the link was broken, takes its modes and perhaps its position (grbl I).
+    `locates`: it says where it stands; else only what it has certainly executed tells that (ncframe §4).
     """
 
     depth: int = 1
     remembers: bool = True
     holds: bool = False
+    forgets: bool = False
+    locates: bool = True
 
     @property
     def most_open(self) -> int:

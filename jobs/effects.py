@@ -52,6 +52,7 @@ class Entry:
             ends_program=batch.ends_program,
             on_error=policy.on_error,
             ignored_errors=policy.ignored_errors,
+            check=policy.check,
         )
 
 

@@ -83,6 +83,8 @@ ERROR_CODES: Mapping[str, str] = {
     "machine_reset": "the controller was reset by hand in the middle of the job",
     "machine_restarted": "the machine lost its memory in the middle of the job: its position is unknown",
     "in_doubt": "it cannot be known whether the last batches were executed",
+    "link_lost": "the link broke; the controller may have been reset meanwhile (grbl)",
+    "check_mode": "the controller left its check mode in a check, or was in it in a job (grbl)",
     "break_too_long": "the link was broken for longer than resume_within",
     "cancelled_in_doubt": "cancelled while the fate of the last batch was unknown",
     "preflight_failed": "the program does not pass the check for this machine",

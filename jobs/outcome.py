@@ -39,6 +39,24 @@ LOST_WITH_LINES_INSIDE = Outcome(
     "in_doubt",
     "The link broke while lines were in the controller, which cannot tell afterwards what it has executed.",
 )
+LOST_STANDING = Outcome(
+    Status.INTERRUPTED,
+    "link_lost",
+    "The link broke, and whether the controller was reset nobody can say: it may have lost modes and position.",
+)
+CHECK_MODE_LOST = Outcome(
+    Status.INTERRUPTED, "check_mode", "The controller left its check mode in the middle of a check."
+)
+CHECK_MODE_FOUND = Outcome(
+    Status.INTERRUPTED, "check_mode", "The controller is in its check mode: it answers lines and executes none."
+)
+
+LOST_WITHOUT_A_COUNT = Outcome(
+    Status.INTERRUPTED,
+    "in_doubt",
+    "The link broke while a batch was being executed, and the machine counts nothing: how much of it was executed "
+    "cannot be found out, and where the machine stands is not known.",
+)
 
 
 def held_for(said: str, inside: Sequence[int]) -> JobError:

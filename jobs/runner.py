@@ -21,7 +21,7 @@ from jobs.feed import Ahead, BatchSource
 from jobs.flight import Adopted, LinkSide, Wishes
 from jobs.job import ENDED, JobError, Status
 from jobs.ledger import Flight
-from jobs.outcome import CANCELLED_UNASKED, ESTOP_DEMANDED, MACHINE_GONE, Outcome
+from jobs.outcome import CANCELLED_UNASKED, ESTOP_DEMANDED, MACHINE_GONE, MACHINE_RESET, Outcome
 from jobs.toolside import ToolSide
 from protocol.commands import Position
 from protocol.events import (
@@ -29,6 +29,7 @@ from protocol.events import (
     BatchFailed,
     BatchReceived,
     BatchSent,
+    ControllerReset,
     Event,
     FateInDoubt,
     FateSettled,
@@ -58,6 +59,8 @@ class Runner(ToolSide):
             error = past.error or JobError("in_doubt", "The job was interrupted.")
             self._outcome = Outcome(Status.INTERRUPTED, error.code, error.message)
             self.ledger.inherit_doubt(error.line_from, error.line_to)
+        elif self.delivery.forgets:
+            self._lost()
         elif past.status is Status.WAITING and self.has_changer:
             self._take_up_change()
         return self._drain()
@@ -139,10 +142,18 @@ class Runner(ToolSide):
             self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
         elif self._wishes.cancel:
             return self.cancel()
-        elif self.ledger.open and not self.delivery.remembers:
-            self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
-            self._interrupt(outcome.LOST_WITH_LINES_INSIDE)
+        elif not self.delivery.remembers:
+            self._lost()
         return self._drain()
+
+    def _lost(self) -> None:
+        """The link is gone from a machine that cannot be asked afterwards what it has executed."""
+        if self.ledger.open:
+            self._doubt(self.ledger.open, RowStatus.DOUBTFUL)
+            located = self.delivery.locates
+            self._interrupt(outcome.LOST_WITH_LINES_INSIDE if located else outcome.LOST_WITHOUT_A_COUNT)
+        elif self.delivery.forgets:
+            self._interrupt(outcome.LOST_STANDING)
 
     def overdue(self, *, now: float) -> list[Effect]:
         """The time for going on without asking is over."""
@@ -160,18 +171,14 @@ class Runner(ToolSide):
                 self._done(flight, inferred=inferred, position=position, at=at)
             case BatchFailed() if flight := self.ledger.flight(event.id):
                 self._failed(event, flight, at=at)
-            case StateReported(status=status, alarm=alarm):
-                self._reported = status
-                if status == "alarm":
-                    self._stop(outcome.alarm("" if alarm is None else alarm.message))
+            case StateReported():
+                self._state(event)
             case LineRefused() if flight := self.ledger.flight(event.id):
                 self._line_refused(event, flight)
             case ToolRequested(number=number) if self.delivery.holds:
                 self._wishes.waiting, self._wishes.tool = True, number
-            case MachineRestarted(evidence=evidence):
-                self.restarted = True
-                self._note("machine_restarted", evidence=evidence)
-                self._interrupt(MACHINE_GONE)
+            case MachineRestarted() | ControllerReset():
+                self._reset(event)
             case FateUnknown() | FateSettled() | FateInDoubt():
                 self._fate(event, now=now, at=at)
             case LinkReady():
@@ -179,6 +186,23 @@ class Runner(ToolSide):
             case _:
                 pass
         return self._drain()
+
+    def _state(self, report: StateReported) -> None:
+        """In alarm a job is over; in the wrong mode it moves what must not be, or moves nothing."""
+        self._reported, alarm = report.status, report.alarm
+        if report.status == "alarm":
+            self._stop(outcome.alarm("" if alarm is None else alarm.message))
+        elif self._outcome is None and self.delivery.forgets and self.policy.check != (report.status == "check"):
+            self._interrupt(outcome.CHECK_MODE_LOST if self.policy.check else outcome.CHECK_MODE_FOUND)
+
+    def _reset(self, event: MachineRestarted | ControllerReset) -> None:
+        """With lines inside their end has said so already; without, what stands still must not go on either."""
+        if isinstance(event, MachineRestarted):
+            self.restarted = True
+            self._note("machine_restarted", evidence=event.evidence)
+            self._interrupt(MACHINE_GONE)
+        elif self.delivery.forgets and self._outcome is None:
+            self._interrupt(MACHINE_RESET)
 
     def _fate(self, event: FateUnknown | FateSettled | FateInDoubt, *, now: float, at: str) -> None:
         """What became of the batches of an epoch before."""

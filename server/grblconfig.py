@@ -72,7 +72,7 @@ class GrblConfig(Section):
 
     def delivery(self) -> Delivery:
         """As many as the engine takes; the controller cannot tell afterwards what it has executed, but it can hold."""
-        return Delivery(depth=MAX_BATCHES, remembers=False, holds=True)
+        return Delivery(depth=MAX_BATCHES, remembers=False, holds=True, forgets=True)
 
     def limits(self) -> BatchLimits:
         """The bounds of a batch: how finely a job's lines are told apart in the journal."""

@@ -38,6 +38,7 @@ from protocol.engine import Frame, OpenWork
 from protocol.errors import LocalError, MessageTooLongError
 from protocol.events import (
     Announced,
+    BatchFailed,
     CommandDone,
     CommandFailed,
     Event,
@@ -68,7 +69,7 @@ from protocol.grbl.messages import (
 from protocol.grbl.phases import STEPS, Phase
 from protocol.grbl.reports import StatusReport, number
 from protocol.grbl.settings import STEPS_PER_MM
-from protocol.grbl.traffic import MAX_BATCHES, MAX_BY_HAND
+from protocol.grbl.traffic import CHECK_MODE, MAX_BATCHES, MAX_BY_HAND
 from protocol.grbl.watching import Watching
 from protocol.grbl.window import Window
 
@@ -179,7 +180,7 @@ class GrblEngine(Watching):
         return self._next_id
 
     def free(self) -> int:
-        """How many commands it can take. In alarm only what clears it makes sense; a batch is an error then."""
+        """How many commands it can take. In alarm only what clears it makes sense; a batch fails then."""
         if self._phase is not Phase.READY or self._cancels or len(self._hand) >= MAX_BY_HAND:
             return 0
         return MAX_BATCHES - len(self._batches)
@@ -189,8 +190,8 @@ class GrblEngine(Watching):
         return tuple(Frame(*frame) for frame in self._frames)
 
     def submit(self, command: Command, now: float) -> None:
-        """Take a command. Raises LocalError when not free, in alarm, for a wrong ID or an impossible line of a batch,
-        and MessageTooLongError. What people typed wrong is a CommandFailed."""
+        """Take a command. Raises LocalError when not free, for a wrong ID or an impossible line of a batch, and
+        MessageTooLongError. What people typed wrong is a CommandFailed."""
         self._quiet = False
         if not self.free():
             raise LocalError(f"the engine takes no command now: it {self._phase.value}")
@@ -211,12 +212,19 @@ class GrblEngine(Watching):
     def _submit_batch(self, batch: SendBatch) -> None:
         if batch.id != self._next_id:
             raise LocalError(f"batch {batch.id} is out of turn: the next ID is {self._next_id}")
-        if self._status == "alarm":
-            raise LocalError("a batch was submitted while the machine is in alarm")
         if not batch.blocks:
             raise LocalError("a batch without a line is never done")
-        self._batches.append(Errand(self._lines(batch.blocks), batch=batch))
+        errand = Errand(self._lines(batch.blocks), batch=batch)
         self._next_id += 1
+        # Whoever submits may not have read the news yet: it is no fault of theirs, and nothing is sent.
+        if self._status == "alarm":
+            alarm = self._alarm
+            code, message = (None, "the machine is in alarm") if alarm is None else (alarm.code, alarm.message)
+            self._emit(BatchFailed(batch.id, "alarm", code, message, 0, 0))
+        elif batch.check != (self._status == "check"):
+            self._emit(BatchFailed(batch.id, "link", None, CHECK_MODE[batch.check], 0, 0))
+        else:
+            self._batches.append(errand)
 
     def _submit_blocks(self, token: int, blocks: tuple[str, ...]) -> None:
         problem = self._problem(in_alarm=False, needs_idle=True)
@@ -237,6 +245,8 @@ class GrblEngine(Watching):
             return
         try:
             asked = asking.request(command)
+            if isinstance(command, CheckMode) and self._switching:
+                raise LocalError("the check mode is being switched already")
             problem = self._problem(in_alarm=asked.in_alarm, needs_idle=asked.needs_idle or asked.jog)
             if problem is None:
                 self._submit_request(asked)
@@ -246,6 +256,12 @@ class GrblEngine(Watching):
             problem = str(error)
         if problem is not None:
             self._emit(CommandFailed(command.token, None, problem))
+
+    @property
+    def _switching(self) -> bool:
+        """`$C` is on its way: another one would undo it."""
+        asked = (errand.request for errand in self._hand)
+        return any(request is not None and isinstance(request.command, CheckMode) for request in asked)
 
     def _problem(self, *, in_alarm: bool, needs_idle: bool) -> str | None:
         """Why a command by hand cannot be taken now. A reader never makes a job wait."""

@@ -150,7 +150,9 @@ class Resets(Traffic):
         self._forget(message)
         self._lane.put(SOFT_RESET)
         # Asleep the motors are without current; Grbl itself wakes up in alarm.
-        self._position_kept = self._status != "sleep" and (self._alarm is None or self._alarm_kept_position)
+        kept = self._status != "sleep" and (self._alarm is None or self._alarm_kept_position)
+        # Pressed twice: the alarm that answered the first one (ALARM:3) has said it already.
+        self._position_kept = kept and (self._phase is not Phase.RESETTING or self._position_kept)
         self._phase = Phase.RESETTING
         self._reset_tries = 1
         self._due["phase"] = now + self._dialect.reset_wait_s
@@ -259,17 +261,23 @@ class Resets(Traffic):
         self._alarm = Alarm(raised.code, None, f"{code.meaning}; {code.remedy}" if not raised.text else raised.text)
         self._status = "alarm"
         self._emit(StateReported("alarm", {}, alarm=self._alarm, frame="machine"))
-        self._fail_batches("alarm", raised.code, self._alarm.message, parked=True)
-        for errand in tuple(self._hand):
-            if errand.token is not None:
-                self._drop(errand, f"alarm {raised.code}: {self._alarm.message}")
-        self._jogging, self._held_at, self._refused = False, None, False
+        self._raise_alarm()
         if self._phase is Phase.STOPPING:
             self._stopped(now, parked=True)
         elif code.needs_reset and self._phase is not Phase.OPENING:
             self._phase = Phase.LOCKED
             self._due.pop("phase", None)
             self._announce()
+
+    def _raise_alarm(self) -> None:
+        """Whether its line has come or only a report says so: nothing that was asked before it goes out after it."""
+        alarm = self._alarm
+        assert alarm is not None
+        self._fail_batches("alarm", alarm.code, alarm.message, parked=True)
+        for errand in tuple(self._hand):
+            if errand.token is not None:
+                self._drop(errand, f"alarm {alarm.code}: {alarm.message}" if alarm.code else alarm.message)
+        self._jogging, self._held_at, self._refused = False, None, False
 
     def _on_lost_answer(self, now: float) -> None:
         """The machine stands, nothing is in its buffer, and a line has no answer: bytes were lost one way or the other.

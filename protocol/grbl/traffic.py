@@ -58,6 +58,11 @@ SHUT_BY: Mapping[Status, str] = {
     "sleep": "homing",
 }
 """The gate that a state shuts."""
+CHECK_MODE: Mapping[bool, str] = {
+    True: "the controller is not in its check mode: the lines of a check would be executed",
+    False: "the controller is in its check mode: the lines of the job would be answered and not executed",
+}
+"""What stands against a batch, by its `check`."""
 
 
 def _first_waiting(errands: Iterable[Errand]) -> Errand | None:
@@ -275,6 +280,7 @@ class Traffic(ABC):
                 self._restarting(now)
             elif isinstance(asked.command, CheckMode):
                 self._status = "check"  # known before the next report: a wish to leave it must not be taken for done
+                self._emit(StateReported("check", {}, frame="machine"))
 
     def _report(self, events: Iterable[Event]) -> None:
         for event in events:

@@ -4,6 +4,8 @@ The one rule: Idle proves that lines are executed only together with an empty pl
 the last acknowledgement (grbl II.4: a queue that waits for more lines is Idle as well).
 """
 
+from collections.abc import Mapping
+
 from protocol.engine import OpenWork
 from protocol.events import (
     AccessoriesChanged,
@@ -13,6 +15,7 @@ from protocol.events import (
     PendantChanged,
     PinsChanged,
     StateReported,
+    Status,
     ToolRequested,
 )
 from protocol.grbl import codes
@@ -22,8 +25,10 @@ from protocol.grbl.phases import STEPS, Phase
 from protocol.grbl.realtime import FEED_HOLD, JOG_CANCEL
 from protocol.grbl.reports import StatusReport
 from protocol.grbl.resets import Resets
-from protocol.grbl.traffic import PARKED, STANDING
+from protocol.grbl.traffic import CHECK_MODE, PARKED, STANDING
 
+MODES: Mapping[bool, frozenset[Status]] = {True: frozenset({"idle", "run", "hold"}), False: frozenset({"check"})}
+"""States in which the batches of a check (True), and all others, may not be inside."""
 RESTS_OF_A_STAND = 2
 """Idle reports in a row, each asked for when nothing was open, that prove rest where the planner's room does not fit
 what `[OPT:]` says."""
@@ -50,7 +55,10 @@ class Watching(Resets):
         self._substate, self._reported_at = report.substate, self._poll.asked
         if self._phase in (Phase.RESETTING, Phase.RESTARTING):
             return  # from before the reset
+        self._watch_mode(report, now)
         self._tell(report)
+        if report.status == "alarm" != before and (self._phase is Phase.READY or self._phase is Phase.STOPPING):
+            self._raise_alarm()
         if report.mpg is not None and report.mpg != self._pendant:
             self._pendant = report.mpg
             self._emit(PendantChanged(report.mpg))
@@ -67,6 +75,13 @@ class Watching(Resets):
         self._watch_jogs(report)
         self._watch_phase(report, now)
         self._watch_answers(report, now)
+
+    def _watch_mode(self, report: StatusReport, now: float) -> None:
+        """Somebody else has switched the check mode, or a banner was garbled: what is a check must not move, and what
+        is none must not be taken for executed. A reset at once drops what is inside."""
+        batch = self._batches[0].batch if self._batches and self._phase is Phase.READY else None
+        if batch is not None and report.status in MODES[batch.check]:
+            self._reset("link", None, CHECK_MODE[batch.check], now)
 
     # --- events -------------------------------------------------------------------------------------------------
 
@@ -148,7 +163,9 @@ class Watching(Resets):
 
     def _go_on(self, token: int) -> None:
         """II.2: `~` is heard in Hold:0 and not while the machine decelerates; until then the wish waits."""
-        if self._slowing:
+        if self._phase is Phase.STOPPING:
+            self._fail(token, None, "it is being stopped")
+        elif self._slowing:
             self._going_on.append(token)
         else:
             self._resume(token)

@@ -533,10 +533,62 @@ class TestResets:
     def test_in_check_mode_ok_is_all_there_is(self) -> None:
         scene = ready()
         scene.poll("<Check|MPos:0,0,0>")
-        scene.batch("G1X1F500")
+        scene.batch("G1X1F500", check=True)
         scene.sent()
         scene.say("ok")
         assert scene.take(BatchDone)
+
+    @pytest.mark.parametrize("check", [True, False])
+    def test_a_check_goes_into_check_mode_and_nothing_else_does(self, check: bool) -> None:
+        scene = ready()
+        scene.poll(IDLE if check else "<Check|MPos:0,0,0>")
+        scene.batch("G1X1F500", check=check)
+        assert scene.sent() == b""
+        (failed,) = scene.take(BatchFailed)
+        assert (failed.reason, failed.lines_done, failed.lines_touched) == ("link", 0, 0)
+        assert "check mode" in failed.message
+
+    @pytest.mark.parametrize("check", [True, False])
+    def test_a_mode_that_somebody_else_switches_is_a_reset(self, check: bool) -> None:
+        scene = ready()
+        scene.poll("<Check|MPos:0,0,0>" if check else IDLE)
+        scene.batch("G1X1F500", "G1X2", check=check)
+        scene.sent()
+        scene.take(BatchFailed)
+        assert scene.poll(IDLE if check else "<Check|MPos:0,0,0>") == b"\x18"
+        (failed,) = scene.take(BatchFailed)
+        assert (failed.reason, failed.lines_done, failed.lines_touched) == ("link", 0, 2)
+
+    def test_check_mode_is_told_at_once_and_not_switched_twice(self) -> None:
+        scene = ready()
+        scene.engine.submit(CheckMode(3, on=True), scene.now)
+        scene.engine.submit(CheckMode(4, on=True), scene.now)
+        assert scene.sent() == b"$C\n"
+        assert [event.token for event in scene.take(CommandFailed)] == [4]
+        scene.say("[MSG:Enabled]", "ok")
+        assert scene.take(StateReported)[-1].status == "check"
+        assert scene.take(CommandDone) == [CommandDone(3)]
+
+    def test_a_reset_pressed_twice_does_not_give_the_position_back(self) -> None:
+        scene = ready()
+        scene.batch("G1X1F500")
+        scene.sent()
+        scene.engine.realtime(EmergencyStop(5), scene.now)
+        scene.say("ALARM:3")
+        scene.engine.realtime(EmergencyStop(6), scene.now)
+        scene.say("Grbl 1.1h ['$' for help]")
+        assert [event.position_kept for event in scene.take(ControllerReset)] == [False]
+
+    def test_a_machine_that_is_being_stopped_does_not_go_on(self) -> None:
+        scene = ready()
+        scene.batch("G1X1F500")
+        scene.sent()
+        scene.poll("<Hold:0|MPos:0,0,0>")
+        scene.engine.realtime(Stop(5), scene.now)
+        scene.sent()
+        scene.engine.realtime(CycleStart(6), scene.now)
+        assert b"~" not in scene.sent()
+        assert [event.token for event in scene.take(CommandFailed)] == [6]
 
 
 class TestAlarms:
@@ -589,8 +641,10 @@ class TestAlarms:
         assert scene.take(ProtocolFault) == []
         scene.poll(ALARM)
         assert scene.take(StateReported)[-1].alarm.code == 5  # type: ignore[union-attr]
-        with pytest.raises(LocalError, match="in alarm"):
-            scene.batch("G1X1")
+        scene.batch("G1X1")
+        assert scene.sent() == b""
+        (failed,) = scene.take(BatchFailed)
+        assert (failed.reason, failed.code, failed.lines_done, failed.lines_touched) == ("alarm", 5, 0, 0)
         for command in (RunBlock(8, ("G1X1",)), Jog(9, {"x": 1}, 100)):
             scene.engine.submit(command, scene.now)
         scene.engine.submit(ClearAlarm(10), scene.now)
@@ -600,6 +654,20 @@ class TestAlarms:
         assert scene.take(CommandDone) == [CommandDone(10)]
         scene.poll(IDLE)
         assert scene.take(StateReported)[-1].alarm is None
+
+    def test_an_alarm_whose_line_was_lost_is_one_all_the_same(self) -> None:
+        scene = ready()
+        scene.batch("G1X1F500", *[f"G1X{x}" for x in range(2, 60)], on_error="ignore")
+        scene.engine.submit(RunBlock(3, ("G1X1",)), scene.now)
+        scene.sent()
+        scene.poll(ALARM)
+        (failed,) = scene.take(BatchFailed)
+        assert (failed.reason, failed.lines_done, failed.lines_touched) == ("alarm", 0, 1)
+        assert [event.token for event in scene.take(CommandFailed)] == [3]
+        scene.say("error:9")
+        assert scene.take(LineRefused) == []
+        scene.poll(IDLE)
+        assert b"G1" not in scene.sent(), "nothing of it goes on after the unlock"
 
     def test_an_alarm_ends_commands_by_hand(self) -> None:
         scene = ready()
@@ -711,7 +779,7 @@ class TestHolds:
         scene = ready()
         scene.poll("<Check|MPos:0,0,0>")
         scene.engine.realtime(FeedHold(3), scene.now)
-        scene.batch("G1X1F500")
+        scene.batch("G1X1F500", check=True)
         scene.sent()
         assert b"G1X1F500\n" in scene.poll("<Check|MPos:0,0,0>")
 
