@@ -5,6 +5,7 @@ The one rule: a program that was made here is complete and durable like an uploa
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from gcode.check import CheckOptions, check_source
 from gcode.check.source import gather_numbered
@@ -18,6 +19,8 @@ from gcode.findings import Report
 from gcode.interpret import Reading, segments_of
 from gcode.lines import pieces
 from gcode.motion import Motion
+from gcode.ncframe.check import check_expandable, check_frames, check_frames_source
+from gcode.ncframe.rules import FrameRules, profile_for
 from gcode.profile import Profile
 from gcode.segments import Segments
 from gcode.state import State
@@ -50,6 +53,26 @@ def check_stored(
         return check_source(programs.chunks(program_id), profile, motion, **({"piece_bytes": PIECE_BYTES} | options))
     chunks = programs.chunks(program_id)
     return check_expanded(programs.access(program_id), chunks, profile, motion, limits=limits, **options)
+
+
+def check_stored_frames(
+    programs: ProgramStore,
+    program_id: str,
+    profile: Profile,
+    motion: Motion,
+    rules: FrameRules,
+    options: CheckOptions,
+) -> Report:
+    """The same for a machine behind NC frames: the whole program is translated. Raises UnknownProgramError, OSError."""
+    if not has_to_be_expanded(programs, program_id):
+        return check_frames_source(programs.chunks(program_id), profile, motion, rules, **options)
+    report = check_stored(programs, program_id, profile_for(profile, rules), motion, options)
+    lost = check_expandable(programs.lines(program_id), rules)
+    if lost or not report.ok:
+        return replace(report, errors=(*report.errors, *lost))
+    expanded = Expander(block_delete=rules.block_delete).expand(programs.access(program_id))
+    lines = ((each.line, each.text.encode("utf-8", "replace")) for each in expanded)
+    return replace(report, errors=check_frames(lines, profile, motion, rules, **options).errors)
 
 
 def motion_of(
@@ -107,4 +130,12 @@ def store_expanded(
         return writer.finish()
 
 
-__all__ = ["ExpandError", "TooLargeError", "check_stored", "has_to_be_expanded", "motion_of", "store_expanded"]
+__all__ = [
+    "ExpandError",
+    "TooLargeError",
+    "check_stored",
+    "check_stored_frames",
+    "has_to_be_expanded",
+    "motion_of",
+    "store_expanded",
+]

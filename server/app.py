@@ -14,6 +14,7 @@ from jobs import journal, toolstore
 from jobs.program import ProgramStore
 from protocol.elvinto.engine import ElvintoEngine
 from protocol.grbl.engine import GrblEngine
+from protocol.ncframe.engine import NcFrameEngine
 from server.clock import Clock, WallClock
 from server.config import Config, MachineConfig
 from server.controller import Controller
@@ -24,8 +25,9 @@ from server.grblconfig import GrblConfig
 from server.hub import Hub
 from server.jobservice import JobService
 from server.machine import EngineFactory
+from server.ncframeconfig import NcFrameConfig
 from server.panel import Panel
-from server.plans import Planning, Workpiece
+from server.plans import RATELESS, Planning, Workpiece
 from server.programservice import ProgramService
 from server.serialport import Opener, PortOpener
 from server.starting import Background, Starter
@@ -41,6 +43,9 @@ def engine_factory(config: MachineConfig) -> EngineFactory:
             return partial(ElvintoEngine, elvinto.dialect(), baud=config.baud)
         case GrblConfig() as grbl:
             return partial(GrblEngine, grbl.dialect())
+        case NcFrameConfig() as ncframe:
+            baud = 0 if config.port.startswith(RATELESS) else config.baud
+            return partial(NcFrameEngine, ncframe.dialect(config.motion.motion()), baud=baud)
 
 
 @dataclass(frozen=True, slots=True)

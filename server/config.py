@@ -1,9 +1,9 @@
 """The configuration as a model: every key, its type, its bounds, its default. Not its reading (configfile.py).
 
 Keys are what users write (api.md): times in seconds and lengths in mm without a suffix, as in the standard. What
-belongs to one protocol is in its own file (elvintoconfig.py, grblconfig.py). The one rule: nothing is guessed. A key
-that is not here, a value of another type and a value out of bounds are errors, and `Allowed` says in words what would
-have been right.
+belongs to one protocol is in its own file (elvintoconfig.py, grblconfig.py, ncframeconfig.py). The one rule: nothing
+is guessed. A key that is not here, a value of another type and a value out of bounds are errors, and `Allowed` says in
+words what would have been right.
 """
 
 import re
@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
 from server.motionconfig import MotionConfig
+from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
 from server.section import Allowed, Section, as_tuple, refused
 from server.toolchangerconfig import ToolchangerConfig
@@ -88,9 +89,9 @@ class MotionFile(Section):
     motion: MotionConfig
 
 
-DialectConfig = ElvintoConfig | GrblConfig
+DialectConfig = ElvintoConfig | GrblConfig | NcFrameConfig
 
-PROTOCOLS: Mapping[str, str] = {"elvinto": "elvinto", "grbl": "grbl"}
+PROTOCOLS: Mapping[str, str] = {"elvinto": "elvinto", "grbl": "grbl", "ncframe": "ncframe"}
 """Every protocol that `protocol =` may name, and the key of a machine's table of that dialect."""
 
 
@@ -117,6 +118,7 @@ class MachineConfig(Section):
     resume_within: Annotated[float, Field(ge=0, le=3600)] = 10.0
     elvinto: ElvintoConfig = ElvintoConfig()
     grbl: GrblConfig = GrblConfig()
+    ncframe: NcFrameConfig = NcFrameConfig()
     motion: MotionConfig = MotionConfig()
     reentry: ReentryConfig = ReentryConfig()
     toolchanger: ToolchangerConfig = ToolchangerConfig()

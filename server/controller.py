@@ -183,6 +183,11 @@ class Controller(Machine):
 
     async def home(self) -> None:
         """Answers when it is accepted; the state shows the rest. Raises ProblemError."""
+        if self.verbs.home is None:
+            raise ProblemError(
+                "not_supported",
+                f"{self.name} cannot home: bring it to its place by hand, and say with G92 where that is.",
+            )
         if not self.verbs.homes_in_alarm or self.state.status != "alarm":
             self.check_by_hand()
         self._check_no_job()
@@ -223,22 +228,41 @@ class Controller(Machine):
                 raise ProblemError("invalid_request", f"{block!r} is a system command and no G-code: {advice}")
         results: list[dict[str, Any]] = []
         for block in blocks:
-            end = (await self.ask(partial(RunBlock, blocks=(block.strip(),)))).end
-            if isinstance(end, CommandFailed):
-                error = {"code": end.code, "message": end.message}
-                return [*results, {"block": block, "ok": False, "error": error}]
-            results.append({"block": block, "ok": True, "error": None})
+            error = await self._run_block(block)
+            results.append({"block": block, "ok": error is None, "error": error})
+            if error is not None:
+                break
             self.check_by_hand()
         return results
+
+    async def _run_block(self, block: str) -> dict[str, Any] | None:
+        """What was wrong with it, or None. Raises ProblemError."""
+        makes: list[Make] = [partial(RunBlock, blocks=(block.strip(),))]
+        if self.hand is not None:
+            try:
+                makes = self.hand.commands(block, self.program_position)
+            except ProblemError as problem:
+                return {"code": None, "message": problem.detail}
+        for make in makes:
+            end = (await self.ask(make)).end
+            if isinstance(end, CommandFailed):
+                return {"code": end.code, "message": end.message}
+        return None
 
     async def jog(self, axes: dict[str, float], feed: float) -> None:
         """A relative move; answers when it is accepted. Raises ProblemError."""
         self.check_by_hand()
         if self.manual.waiting:
             raise ProblemError("machine_busy", f"{self.name} still executes the move before.")
-        answer = self.manual.put(self.verbs.jog(axes, feed), droppable=True)
+        answer = self.manual.put(self._jog_step(axes, feed), droppable=True)
         self.pump()
         await self._accepted(answer)
+
+    def _jog_step(self, axes: dict[str, float], feed: float) -> Make:
+        if self.hand is not None:
+            return self.hand.jog(axes, feed, self.program_position)
+        assert self.verbs.jog is not None
+        return self.verbs.jog(axes, feed)
 
     @property
     def jog_ahead(self) -> int:

@@ -24,7 +24,7 @@ def columns(
 ) -> dict[str, Any]:
     """What a new job's row says of it. Raises ProblemError where the machine knows no such choice."""
     dialect = controller.config.dialect
-    if not dialect.delivery().holds:
+    if "check_mode" not in controller.verbs.capabilities:
         if mode != "run" or on_error is not None or ignored:
             protocol = controller.config.protocol
             raise ProblemError(

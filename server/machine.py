@@ -38,6 +38,7 @@ from protocol.machine import MachineState, reduce, tool_confirmed
 from server.clock import Clock, stamp
 from server.config import MachineConfig
 from server.dbthread import Db
+from server.framehand import hand_of
 from server.grblconfig import GrblConfig
 from server.hub import Hub
 from server.jobstream import JobStream
@@ -85,6 +86,7 @@ class Machine:
     ) -> None:
         self.config = config
         self.verbs = VERBS[config.protocol]
+        self.hand = hand_of(config)
         self.name = config.name
         self.state = MachineState()
         self.metrics = MachineMetrics()

@@ -33,7 +33,9 @@ E = TypeVar("E", bound=Event)
 
 
 async def held_by(controller: Controller) -> Held | None:
-    """None where the protocol has no such questions."""
+    """None where the protocol has no such questions. Of a machine that has no modes, where it stands."""
+    if controller.hand is not None:
+        return Held((), None, dict(controller.program_position))
     if "modal" not in controller.verbs.capabilities:
         return None
     modal: tuple[str, ...] = ()

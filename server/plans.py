@@ -14,18 +14,22 @@ from gcode.check import CheckOptions
 from gcode.held import Held
 from gcode.interpreter import power_on
 from gcode.motion import Motion
+from gcode.ncframe.rules import FrameRules, profile_for
 from gcode.profile import Profile, load_profile
 from gcode.reentry import Reentry, Way
 from gcode.segments import Segments
 from gcode.state import State
 from jobs.batch import BatchLimits, BatchPlanner
-from jobs.expansion import check_stored, motion_of
+from jobs.expansion import check_stored, check_stored_frames, motion_of
+from jobs.frames import Behind
 from jobs.program import ProgramStore
 from jobs.reentry import Course, check_blocks, has_kept_its_modes, plan_at, with_plan
 from jobs.restart import CannotStartError, Switches, first_block, prologue, with_prologue
 from jobs.store import Row
 from protocol.commands import Position
+from server import frameplans
 from server.config import MachineConfig
+from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
 from server.verbs import VERBS
 
@@ -53,6 +57,8 @@ class Workpiece:
     encoding: str
     baud: int | None = None
     """Of a serial port; a network has no rate to hold a program against."""
+    frames: FrameRules | None = None
+    """Of a machine that reads no G-code: how its programs are worked out (frameplans.py)."""
     reentry: ReentryConfig | None = None
     """Of a controller that says what it holds and forgets it at a reset: its jobs are taken up by a plan. None: others
     are told their modes again, and go on from where they stand."""
@@ -61,14 +67,20 @@ class Workpiece:
     def of(cls, config: MachineConfig) -> "Workpiece":
         """From the configuration."""
         dialect = config.dialect
+        profile, motion = load_profile(config.profile), config.motion.motion()
+        frames = dialect.rules() if isinstance(dialect, NcFrameConfig) else None
+        if frames is not None:
+            # It stands still until the next frame has come, and what a line weighs as text says nothing of the wire.
+            profile, motion = profile_for(profile, frames), replace(motion, planner_blocks=1)
         return cls(
-            load_profile(config.profile),
-            config.motion.motion(),
+            profile,
+            motion,
             dialect.limits(),
             dialect.compact,
             dialect.convert_inches,
             dialect.encoding,
-            None if config.port.startswith(RATELESS) else config.baud,
+            None if frames is not None or config.port.startswith(RATELESS) else config.baud,
+            frames,
             config.reentry if "modal" in VERBS[config.protocol].capabilities else None,
         )
 
@@ -116,6 +128,8 @@ class Planning:
 
         `held`: what the controller holds now, where it can be asked. `entry`: how it is taken up; None: as configured.
         """
+        if piece.frames is not None:
+            return Plan(frameplans.start(self._programs, piece, row, line=line, position=position), line)
         last, encoding = row["end_line"], piece.encoding
         if line > last:
             return Plan(self._planner(piece, ()), line)
@@ -169,11 +183,13 @@ class Planning:
         course = self._course(piece, row, line)
         return has_kept_its_modes(course, began=began, now=held, laser=piece.motion.laser)
 
-    def go_on(self, piece: Workpiece, row: Row, *, line: int, began: Held | None = None) -> BatchPlanner:
+    def go_on(self, piece: Workpiece, row: Row, *, line: int, began: Held | None = None, part: int = 0) -> BatchPlanner:
         """What comes from `line` on, for a machine that executed everything before it and kept its modal state.
 
-        `began`: what it held before the first line, where it could be asked.
+        `began`: what it held before the first line, where it could be asked. `part`: how far the line is.
         """
+        if piece.frames is not None:
+            return frameplans.go_on(self._programs, piece, row, behind=Behind(line - 1, part), began=began)
         # Whether it began in G90 or G91 is in no journal; without the program saying so, nothing may be left out.
         lines = self._lines(row, 1, row["end_line"])
         return _opened(self._planner(piece, lines, absolute=None, skip_to=line, held=began))
@@ -196,6 +212,9 @@ class Planning:
             encoding=piece.encoding,
             baud=piece.baud,
         )
+        if piece.frames is not None:
+            report = check_stored_frames(self._programs, program, piece.profile, piece.motion, piece.frames, options)
+            return report.to_json()
         return check_stored(self._programs, program, piece.profile, piece.motion, options).to_json()
 
     def motion_of(self, program: str, profile: Profile) -> Iterator[Segments]:

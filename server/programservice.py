@@ -14,6 +14,7 @@ from typing import Any
 
 from gcode.lines import MAX_LINE_BYTES
 from gcode.motion import Motion
+from gcode.ncframe.rules import FrameRules
 from gcode.profile import ProfileError, load_profile
 from gcode.words import decode_line
 from jobs import store
@@ -209,7 +210,8 @@ class ProgramService:
             loaded = load_profile(profile or "elvinto")
         except ProfileError as error:
             raise ProblemError("invalid_request", f"{error}.") from error
-        piece = Workpiece(loaded, Motion(), BatchLimits(), compact=True, convert_inches=False, encoding="utf-8")
+        frames = FrameRules() if "frames" in loaded.features else None
+        piece = Workpiece(loaded, Motion(), BatchLimits(), True, False, "utf-8", frames=frames)
         return piece, f"profile {loaded.name}"
 
     async def _read(self, program_id: str, fn: Any, *args: Any, slow: bool = False) -> Any:

@@ -53,7 +53,7 @@ class Recovery:
             )
         self._check_machine(controller, row)
         if action == "continue":
-            plan = await self._continue(controller, row, line)
+            plan = await self._continue(controller, row, line, past.part)
         else:
             self._taking_up.check_homed(controller, wish)
             plan = await self._start(controller, row, line, wish)
@@ -107,12 +107,13 @@ class Recovery:
         self, controller: Controller, row: Row, line: int | None = None, wish: ReentryWish = AS_CONFIGURED
     ) -> dict[str, Any]:
         """What is certain, what is in doubt, and what would be sent first; by default behind the certain lines."""
-        expected = (await self._past(controller, row)).position
+        past = await self._past(controller, row)
+        expected = past.position
         against = self._against(controller, row, expected) or await self._taking_up.against(controller, row)
         wanted = self._line(controller, row, line, wish) or row["line_done"] + 1
         if line is not None and not row["start_line"] <= line <= row["end_line"]:
             raise ProblemError("invalid_request", f"Say a line from {row['start_line']} to {row['end_line']}.")
-        shown, blocks, why = await self._preview(controller, row, wanted, wish)
+        shown, blocks, why = await self._preview(controller, row, wanted, wish, past.part)
         if line is None and not self._taking_up.plans_for(controller):
             # There it is the same plan: going on behind what is certain.
             against = against or why
@@ -135,27 +136,50 @@ class Recovery:
         }
 
     async def _preview(
-        self, controller: Controller, row: Row, line: int, wish: ReentryWish
+        self, controller: Controller, row: Row, line: int, wish: ReentryWish, part: int
     ) -> tuple[dict[str, Any], list[str], str | None]:
         """Of going on from a line: what belongs to its plan, the first blocks, and why it cannot be done."""
         starter, plan, why = self._starter, None, None
         blocks: list[str] = []
         try:
-            if line <= row["end_line"]:
+            if self._goes_on_only(controller) and line == row["line_done"] + 1:
+                plan = await self._continue(controller, row, line, part)
+                blocks = await starter.worker.run(starter.planning.preview, plan)
+            elif line <= row["end_line"]:
                 plan = await self._start(controller, row, line, self._taking_up.as_a_trial(wish))
                 blocks = await starter.worker.run(starter.planning.preview, plan)
         except (ProblemError, PlanError) as error:
             why = str(error)
         return self._taking_up.view(controller, wish, line, plan), blocks, why
 
-    async def _continue(self, controller: Controller, row: Row, line: int) -> Plan:
-        """Behind what is certain, on a machine that has kept its memory."""
+    def _goes_on_only(self, controller: Controller) -> bool:
+        """Whether a job can go on behind what is certain, and be taken up nowhere else (ncframe)."""
+        return self._starter.pieces[controller.name].frames is not None
+
+    async def _continue(self, controller: Controller, row: Row, line: int, part: int) -> Plan:
+        """Behind what is certain, on a machine that has kept its memory. Raises ProblemError."""
+        if self._goes_on_only(controller):
+            return await self._behind_the_last_frame(controller, row, line, part)
         if not self._taking_up.plans_for(controller):
             return await self._start(controller, row, line)
         starter = self._starter
         piece, began = starter.pieces[controller.name], await began_in(self._db, row)
         planner = await starter.worker.run(starter.planning.go_on, piece, row, line=line, began=began)
         planner.relocate(controller.program_position)
+        return Plan(planner, line)
+
+    async def _behind_the_last_frame(self, controller: Controller, row: Row, line: int, part: int) -> Plan:
+        """Of a machine that cannot say where it stands: what the program leads to is held against what is known."""
+        starter = self._starter
+        piece, began = starter.pieces[controller.name], await began_in(self._db, row)
+        try:
+            planner = await starter.worker.run(starter.planning.go_on, piece, row, line=line, part=part, began=began)
+        except (UnknownProgramError, OSError) as error:
+            raise ProblemError("unknown_program", f"The program of job {row['id']} cannot be read: {error}") from error
+        tolerance_mm = controller.config.dialect.position_tolerance
+        why = _moved(planner.position, controller.program_position, tolerance_mm) if planner.position else UNKNOWN_PLACE
+        if why is not None:
+            raise _no_continue(row, why)
         return Plan(planner, line)
 
     async def _start(self, controller: Controller, row: Row, line: int, wish: ReentryWish = AS_CONFIGURED) -> Plan:
@@ -199,16 +223,20 @@ class Recovery:
         """Why the job cannot simply go on after its certain line."""
         error = store.error_of(row)
         runner = controller.stream.runner
+        home, from_a_line = "Home it", "recover from a line"
+        if self._goes_on_only(controller):
+            home, from_a_line = "Bring it to where the job began", "cancel the job and run it again"
         if row["restarted"]:
-            return "The machine restarted, so its position is unknown. Home it, then recover from a line."
+            return f"The machine restarted, so its position is unknown. {home}, then {from_a_line}."
         if error is not None and error.line_from is not None:
-            return (
-                f"Lines {error.line_from} to {error.line_to} are in doubt. Look at the part, then recover from a line."
-            )
+            return f"Lines {error.line_from} to {error.line_to} are in doubt. Look at the part, then {from_a_line}."
         if runner is not None and runner.flights:
             return "What became of the last batch is not settled yet. Wait for the machine to be connected."
         tolerance_mm = controller.config.dialect.position_tolerance
         return _moved(expected, controller.program_position, tolerance_mm)
+
+
+UNKNOWN_PLACE = "The machine has not said where it stands."
 
 
 def next_line(row: Row) -> int:
@@ -226,7 +254,7 @@ def _no_continue(row: Row, against: str) -> ProblemError:
 def _moved(expected: Position, now: Mapping[str, float], tolerance_mm: float) -> str | None:
     for axis, value in sorted(expected.items()):
         if axis not in now:
-            return "The machine has not said where it stands."
+            return UNKNOWN_PLACE
         if abs(now[axis] - value) > tolerance_mm:
             return (
                 f"The machine was moved: {axis} is {now[axis]:g} and should be {value:g}. "

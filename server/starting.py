@@ -16,6 +16,7 @@ from jobs.delivery import Policy
 from jobs.effects import SetStatus
 from jobs.feed import Feed
 from jobs.flight import Adopted
+from jobs.frames import Behind
 from jobs.job import JobError, Status
 from jobs.ledger import Ledger
 from jobs.program import UnknownProgramError
@@ -23,11 +24,13 @@ from jobs.restart import CannotStartError
 from jobs.runner import Runner
 from jobs.store import Row
 from jobs.upcoming import PlanError
+from protocol.errors import LocalError
 from server import jobmodes
 from server.clock import Clock, stamp
 from server.controller import Controller
 from server.dbthread import Db
 from server.estimates import Estimates
+from server.frameplans import FROM_THE_BEGINNING
 from server.hub import Hub
 from server.modes import STARTED_IN, began_in, held_by
 from server.plans import NO_CLEARANCE, Plan, Planning, Workpiece
@@ -92,6 +95,8 @@ class Starter:
     def check_line(self, machine: str, line: int) -> None:
         """Raises ProblemError where a job could not begin at this line, whatever its program."""
         piece = self.pieces[machine]
+        if line > 1 and piece.frames is not None:
+            raise ProblemError("invalid_request", f"A job of {machine} begins at line 1: {FROM_THE_BEGINNING}.")
         if line > 1 and piece.reentry is not None and piece.reentry.clearance is None:
             raise ProblemError("invalid_request", f"{NO_CLEARANCE} of {machine}.")
 
@@ -144,6 +149,7 @@ class Starter:
     async def _begin(self, controller: Controller, row: Row, plan: Plan, held: Held | None) -> None:
         try:
             controller.check_can_start(checking=Policy.of(row).check)
+            self._check_stands_there(controller, held)
         except ProblemError as problem:
             # It was torn down while the program was read.
             log.info("%s: job %d goes back to the queue: %s", controller.name, row["id"], problem)
@@ -154,10 +160,17 @@ class Starter:
             controller.stream.note(STARTED_IN, job=row["id"], **held.to_json())
         self.run_plan(controller, row, plan, before=Status.CHECKING)
 
+    def _check_stands_there(self, controller: Controller, held: Held | None) -> None:
+        """Frames were worked out from one place. Raises ProblemError where the machine is not known to stand there."""
+        if controller.hand is not None and held is not None and held.position != controller.program_position:
+            raise ProblemError("wrong_state", f"{controller.name} does not stand any more where it was planned from.")
+
     def run_plan(
         self, controller: Controller, row: Row, plan: Plan, *, before: Status, next_seq: int = 1, seconds: float = 0.0
     ) -> None:
         """Give the machine to the job. Nothing is awaited since the check that it may."""
+        if controller.hand is not None:
+            controller.hand.forget()
         runner = Runner(
             row["id"],
             controller.config.resume_within,
@@ -220,7 +233,12 @@ class Starter:
             row["id"],
             controller.config.resume_within,
             Feed(next_seq=past.next_seq),
-            Ledger(cursor=Cursor.at(row["line_done"]), position=past.position, seconds_done=past.seconds_done),
+            Ledger(
+                cursor=Cursor.at(row["line_done"]),
+                position=past.position,
+                seconds_done=past.seconds_done,
+                executed=past.executed,
+            ),
             delivery=delivery,
             policy=Policy.of(row),
             has_changer=controller.config.has_changer,
@@ -238,17 +256,21 @@ class Starter:
         self._background.begin(self._estimates.supply(controller, row, runner))
         controller.stream.note("daemon_started", open=[entry.wire_id for entry in opened], line_done=row["line_done"])
         if status is not Status.INTERRUPTED:
-            line = (opened[-1].batch.last_line if opened else row["line_done"]) + 1
-            self._background.begin(self._supply(controller, row, runner, line))
+            behind = Behind(row["line_done"], past.part)
+            if opened:
+                batch = opened[-1].batch
+                behind = Behind(batch.line_behind(len(batch.blocks) - 1), batch.part)
+            self._background.begin(self._supply(controller, row, runner, behind))
 
-    async def _supply(self, controller: Controller, row: Row, runner: Runner, line: int) -> None:
+    async def _supply(self, controller: Controller, row: Row, runner: Runner, behind: Behind) -> None:
         """What comes after the open rows. Reading a long program takes longer than settling their fate."""
         piece = self.pieces[controller.name]
         try:
             began = await began_in(self._db, row)
-            planner = await self.worker.run(self.planning.go_on, piece, row, line=line, began=began)
-        except UNSTARTABLE as error:
-            runner.unreadable(str(error))
-        else:
+            planner = await self.worker.run(
+                self.planning.go_on, piece, row, line=behind.line + 1, part=behind.part, began=began
+            )
             runner.supply(planner)
+        except (*UNSTARTABLE, LocalError) as error:
+            runner.unreadable(str(error))
         controller.pump()

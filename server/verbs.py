@@ -21,12 +21,13 @@ class Verbs:
     once; `system`: what a block may not begin with, for it is no G-code and has a route of its own. `hold`, `go_on`,
     `drop`, `reset`, `cancel_jog` go out on the realtime lane, before anything else.
 
-    `refuses_at_once`: what it does not want to do, to home or to jog, it refuses before it begins.
+    `refuses_at_once`: what it does not want to do, to home or to jog, it refuses before it begins. `home` None: it
+    cannot. `jog` None: steps and blocks are worked out for it (framehand.py).
     """
 
     capabilities: tuple[str, ...]
-    home: Make
-    jog: MakeJog
+    home: Make | None
+    jog: MakeJog | None
     forbidden: frozenset[str]
     system: str | None = None
     hold: MakeRealtime | None = None
@@ -93,5 +94,18 @@ GRBL = Verbs(
     refuses_at_once=True,
     warnings={"unlock": "The position may be lost: home the machine before the next job."},
 )
-VERBS: Mapping[str, Verbs] = {"elvinto": ELVINTO, "grbl": GRBL}
+NCFRAME = Verbs(
+    capabilities=tuple(verb for verb in COMMON if verb != "home"),
+    home=None,
+    jog=None,
+    forbidden=frozenset("\r\n"),
+    hold=FeedHold,
+    go_on=CycleStart,
+    drop=Stop,
+    unlocks_only_in_alarm=True,
+    warnings={
+        "unlock": "Where the machine stands is not known: say it with G92 X... Z... by hand before the next job."
+    },
+)
+VERBS: Mapping[str, Verbs] = {"elvinto": ELVINTO, "grbl": GRBL, "ncframe": NCFRAME}
 """By the protocol of a machine."""

@@ -13,6 +13,7 @@ from server.configfile import describe
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
 from server.motionconfig import MotionConfig
+from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
 from server.toolchangerconfig import ToolchangerConfig
 from sim.faults import FaultRates
@@ -31,6 +32,7 @@ SECTIONS: list[tuple[str, type[BaseModel]]] = [
     ("## `[[machine]]`", MachineConfig),
     ("## `[machine.elvinto]`", ElvintoConfig),
     ("## `[machine.grbl]`", GrblConfig),
+    ("## `[machine.ncframe]`", NcFrameConfig),
     ("## `[machine.reentry]`", ReentryConfig),
     ("## `[machine.toolchanger]`", ToolchangerConfig),
 ]

@@ -16,6 +16,7 @@ from server.config import PROTOCOLS, Config, MachineConfig, ServerConfig
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
 from server.motionconfig import MotionConfig
+from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
 
 EXAMPLE = Path(__file__).parents[2] / "config.example.toml"
@@ -45,13 +46,14 @@ def test_example_has_every_key() -> None:
     data = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
     data["machine"][0]["grbl"] = GrblConfig().model_dump()  # of another protocol: the next test
     data["machine"][0]["reentry"] = ReentryConfig().model_dump()  # likewise
+    data["machine"][0]["ncframe"] = NcFrameConfig().model_dump()  # likewise
     missing = missing_keys(Config.model_validate(tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))), data)
     commented = ["motion.travel", "motion.steps_per_mm", "toolchanger.start_in_estop"]
     assert missing == [f"machine[0].{key}" for key in commented]
 
 
 def test_example_shows_a_grbl_machine_that_loads_when_uncommented() -> None:
-    example = EXAMPLE.read_text(encoding="utf-8").partition('# Take the "#" away:')[2]
+    example = EXAMPLE.read_text(encoding="utf-8").split('# Take the "#" away:')[1].split("# A lathe behind")[0]
     data = tomllib.loads("\n".join(line.removeprefix("#").strip() for line in example.splitlines()))
     config = Config.model_validate(data)
     assert config.machine == (MachineConfig(name="mill", protocol="grbl", port="/dev/ttyACM0"),)
@@ -61,6 +63,17 @@ def test_example_shows_a_grbl_machine_that_loads_when_uncommented() -> None:
     assert ReentryConfig.model_validate(tomllib.loads(clearance)).clearance == 20.0
     assert GrblConfig().dialect() == GrblDialect()
     assert GrblConfig(firmware="grblhal").dialect() == GrblDialect(line_chars=255)
+
+
+def test_example_shows_a_lathe_that_loads_when_uncommented() -> None:
+    example = EXAMPLE.read_text(encoding="utf-8").split('# Take the "#" away:')[2]
+    data = tomllib.loads("\n".join(line.removeprefix("#").strip() for line in example.splitlines()))
+    config = Config.model_validate(data)
+    assert config.machine == (MachineConfig(name="lathe", protocol="ncframe", port="/dev/ttyUSB2", baud=9600),)
+    assert set(data["machine"][0]["ncframe"]) == set(NcFrameConfig.model_fields) - {"speed_unit", "tool_radius"}
+    optional = re.findall(r"^# # ((?:speed_unit|tool_radius) = .*)$", EXAMPLE.read_text(encoding="utf-8"), re.MULTILINE)
+    filled = NcFrameConfig.model_validate(tomllib.loads("\n".join(optional)))
+    assert (filled.speed_unit, filled.tool_radius) == (10.0, 0.4)
 
 
 def test_example_shows_travel_and_steps_in_lines_that_load_when_uncommented() -> None:
