@@ -15,13 +15,13 @@ import { JobsPage } from "./jobs/page.js";
 import { MachinePage } from "./machine/page.js";
 import { Notices } from "./parts/notices.js";
 import { ProgramsPage } from "./programs/page.js";
-import { SettingsPage } from "./settings/page.js";
+import { SettingsSections } from "./settings/sections.js";
 import { SignIn } from "./parts/signin.js";
 import { StatusBand } from "./machine/band.js";
 
 /** @type {Record<string, () => unknown>} */
 const VIEWS = { machine: MachinePage, programs: ProgramsPage, jobs: JobsPage, console: ConsolePage, card: CardPage,
-  settings: SettingsPage };
+  settings: SettingsSections };
 
 const present = computed(() => machine.value !== null);
 
