@@ -126,7 +126,7 @@ class Ledger:
 
     def left_out(self, entry: Entry) -> MarkBatch:
         """A row that never goes out, for there is nothing left to do for its line."""
-        self.cursor = self.cursor.was_done(entry.batch.last_line)
+        self.cursor = self.cursor.was_done(entry.batch.line_behind(len(entry.batch.blocks) - 1))
         return self._mark(Flight(entry), RowStatus.UNSENT)
 
     def unsent(self, entry: Entry) -> MarkBatch:
