@@ -138,12 +138,14 @@ Feature = Literal[
     "other_offsets",
     "tool_at_once",
     "frames",
+    "no_tool_changer",
 ]
 """What a controller can do beyond single codes. `strict_words`: a word that nothing uses is an error, not ignored;
 `cycle_end_unknown`: where a canned cycle leaves Z is not documented; `incremental_uw`: U and W are X and Z in steps;
 `cancel_with_motion`: G80 may stand beside another motion code; `other_offsets`: an arc may have I, J or K of the axis
 that stands on its plane, for nothing; `tool_at_once`: T turns the tool in, as a turret does, M6 or not; `frames`: the
-controller reads no text, its program goes out as binary frames (gcode/ncframe)."""
+controller reads no text, its program goes out as binary frames (gcode/ncframe); `no_tool_changer`: nobody changes its
+tools, M6 is an error."""
 
 
 class ProfileError(ValueError):

@@ -16,6 +16,7 @@ from gcode.interpreter import power_on
 from gcode.motion import Motion
 from gcode.profile import Profile
 from gcode.state import State
+from jobs.toolblocks import ToolBlocks
 from jobs.upcoming import LINES_AT_ONCE, BlockReader, PlanError, Rules, Upcoming
 from protocol.commands import Position
 from protocol.errors import LocalError
@@ -166,8 +167,10 @@ class BatchPlanner:
         skip_to: int = 1,
         encoding: str = "utf-8",
         held: Held | None = None,
+        tools: ToolBlocks | None = None,
     ) -> None:
-        rules = Rules(profile, motion, limits.longest_block_bytes, compact, block_delete, convert_inches, encoding)
+        longest = limits.longest_block_bytes
+        rules = Rules(profile, motion, longest, compact, block_delete, convert_inches, encoding, tools)
         state = power_on(profile) if held is None else state_of(held, profile)
         if held is None or not held.modal:
             state.absolute = absolute
@@ -307,10 +310,12 @@ class BatchPlanner:
         assert start is not None
         self._previous_start, self._before = start, last.end
         lines = [item.line for item in items]
+        if first.behind:
+            lines += [first.line] * len(first.behind)
         return PlannedBatch(
             first_line=first.line,
             last_line=last.line,
-            blocks=tuple([item.text for item in items]),
+            blocks=(*[item.text for item in items], *first.behind),
             seconds=sum([item.seconds for item in items]),
             start=self._position(start),
             end=self._position(last.end),
@@ -320,9 +325,11 @@ class BatchPlanner:
             tool=first.tool,
             motion=any(item.moves for item in items),
             tool_change=barrier is not None and barrier.tool_change,
-            lines=() if lines == list(range(first.line, first.line + count)) else tuple(lines),
+            lines=() if lines == list(range(first.line, first.line + len(lines))) else tuple(lines),
             parts=tuple([item.part for item in items]) if any(item.part for item in items) else (),
             pauses=barrier is not None and barrier.pauses,
+            io=tuple([word for item in items for word in item.io]) if any(item.io for item in items) else (),
+            set_tool=None if barrier is None else barrier.set_tool,
         )
 
     def _position(self, place: Place) -> Position:

@@ -6,13 +6,14 @@ before it is asked for, because only the machine can say where it stands then.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from math import inf
 
 import numpy as np
 
-from gcode.blocks import Blocks
+from gcode.blocks import Blocks, CodeTable
+from gcode.clean import clean
 from gcode.columns import Columns, read_columns
 from gcode.inches import InchConverter
 from gcode.interpret import Reading
@@ -21,11 +22,15 @@ from gcode.planner import plan
 from gcode.profile import Profile
 from gcode.segments import DWELL, HOMING, Bools, Floats, Segments
 from gcode.state import State
-from gcode.words import Block
+from gcode.words import Block, parse_block
 from gcode.writer import Writer
+from jobs.toolblocks import ToolBlocks, leading, rest_of, restoring, set_by, wanted_by
 from protocol.commands import Position
 from protocol.errors import LocalError
 
+COOLANT = frozenset({"mist", "flood", "coolant_off"})
+STANDSTILL = "G4P0"
+"""In the place of an M61 alone in its line: a block that waits until everything before it is executed."""
 LINES_AT_ONCE = 768
 """Lines of one go: some five milliseconds, of which three are the same for one line; a pause waits so long at most."""
 
@@ -46,6 +51,12 @@ class Barrier:
     ends_program: bool = False
     tool_change: bool = False
     pauses: bool = False
+    set_tool: int | None = None
+
+    @property
+    def of_tools(self) -> bool:
+        """It is an M6 or an M61."""
+        return self.tool_change or self.set_tool is not None
 
 
 @dataclass(slots=True)  # not frozen: that doubles the time of making one, and there is one a block
@@ -53,7 +64,7 @@ class Upcoming:
     """A block. `cost_s` counts against the bound of a batch: without end where the length is not known.
 
     `end`: where the machine stands behind it, program coordinates in the order of the state's axes, NaN unknown.
-    `part`: as in jobs.batch.PlannedBatch.
+    `part`, `io`: as in jobs.batch.PlannedBatch. `behind`: further blocks of the same line, which go with it.
     """
 
     line: int
@@ -65,11 +76,14 @@ class Upcoming:
     barrier: Barrier | None = None
     tool: int | None = None
     part: int = 0
+    io: tuple[tuple[str, int], ...] = ()
+    behind: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """How a program is read and written. `max_block_bytes`: what one block may have at most."""
+    """How a program is read and written. `max_block_bytes`: what one block may have at most. `tools`: what is sent in
+    the place of M6 and M61; None: the codes themselves."""
 
     profile: Profile
     motion: Motion
@@ -78,16 +92,19 @@ class Rules:
     block_delete: bool = False
     convert_inches: bool = False
     encoding: str = "utf-8"
+    tools: ToolBlocks | None = None
 
 
 @dataclass(slots=True)
 class _Piece:
-    """Lines that have been read together; those before `at` are done with. `lines`: their numbers."""
+    """Lines that have been read together; those before `at` are done with. `lines`: their numbers. `io`: what each row
+    says to a tool changer, of the few that do."""
 
     lines: list[int]
     columns: Columns
     blocks: Blocks
     at: int = 0
+    io: dict[int, tuple[tuple[str, int], ...]] = field(default_factory=dict)
 
 
 class BlockReader:
@@ -101,6 +118,7 @@ class BlockReader:
         self._inches = InchConverter() if rules.convert_inches else None
         self._skip_to = skip_to
         self._piece: _Piece | None = None
+        self._behind: list[Upcoming] = []
         self._opened = False
         self.ended = False
 
@@ -133,13 +151,17 @@ class BlockReader:
         if self._opened:
             return
         self._opened = True
+        before: _Piece | None = None
         while self._load(LINES_AT_ONCE):
             piece = self._piece
             assert piece is not None
             first = next((row for row, line in enumerate(piece.lines) if line >= self._skip_to), None)
             self._follow(piece, len(piece.lines) if first is None else first)
             if first is not None:
+                behind, row = (piece, first - 1) if first else (before, 0 if before is None else len(before.lines) - 1)
+                self._after_change(behind, row)
                 return
+            before = piece
 
     def more(self, most_lines: int) -> tuple[list[Upcoming], int]:
         """The next blocks, up to a barrier, and how many lines that took: none at the end of the program.
@@ -147,6 +169,9 @@ class BlockReader:
         Raises PlanError when the very next line cannot be sent, OSError when the program cannot be read.
         """
         self.skip()
+        if self._behind:
+            found, self._behind = self._behind, []
+            return found, 0
         loaded = 0
         if self._piece is None or self._piece.at >= len(self._piece.lines):
             loaded = self._load(min(most_lines, LINES_AT_ONCE))
@@ -156,6 +181,8 @@ class BlockReader:
         assert piece is not None
         begin = piece.at
         end, barrier = self._stop(piece)
+        if barrier is not None and self._rules.tools is not None and barrier.of_tools:
+            return self._change(piece, begin, barrier, self._rules.tools), max(loaded, 1)
         segments, written = self._execute(piece, begin, end)
         found = self._given_out(piece, begin, end, segments, written)
         if barrier is not None and found and found[-1].line == piece.lines[end - 1]:
@@ -175,7 +202,8 @@ class BlockReader:
         columns = read_columns(b"\n".join(raw for _, raw in taken) + b"\n", encoding=self._rules.encoding)
         blocks = self._reading.blocks(columns)
         self._writer.open(columns)
-        self._piece = _Piece([line for line, _ in taken], columns, blocks)
+        said = io_words(columns, blocks, self._reading.table)
+        self._piece = _Piece([line for line, _ in taken], columns, blocks, io=said)
         return len(taken)
 
     def _stop(self, piece: _Piece) -> tuple[int, Barrier | None]:
@@ -242,13 +270,70 @@ class BlockReader:
         places = _places(segments, begin, count, self.place)
         if max(map(len, written), default=0) > self._rules.max_block_bytes:
             self._refuse_too_long(piece.lines[begin:end], written)
-        return [
+        found = [
             Upcoming(line, text, seconds_of, cost_of, moves_axes, place)
             for line, text, seconds_of, cost_of, moves_axes, place in zip(
                 piece.lines[begin:end], written, seconds.tolist(), cost_s, moves, places, strict=True
             )
             if text
         ]
+        if piece.io:
+            said = {piece.lines[row]: words for row, words in piece.io.items() if begin <= row < end}
+            for item in found:
+                item.io = said.get(item.line, ())
+        return found
+
+    # --- tools that somebody else changes -------------------------------------------------------------------------
+
+    def _change(self, piece: _Piece, row: int, barrier: Barrier, tools: ToolBlocks) -> list[Upcoming]:
+        """The line of an M6 or M61 as other blocks; what restores the modes comes behind it."""
+        piece.at = row + 1
+        block, line, before = self._block(piece, row), piece.lines[row], self.state.copy()
+        self.forget()
+        if barrier.set_tool is not None:
+            texts = [clean(block)] if tools.knows_m61 else [rest_of(block) or STANDSTILL]
+            (item, *more) = self._stepped(line, texts)
+            self.state.tool = barrier.set_tool
+        else:
+            (item, *more) = self._stepped(line, leading(tools, before))
+            self.state.tool = self.state.selected = wanted_by(block, before)
+            item.tool, item.io = self.state.tool, (("M", 9),) if before.mist or before.flood else ()
+            self._behind = self._restored(line, before, rest_of(block), tools)
+        item.barrier, item.behind = barrier, tuple([other.text for other in more])
+        item.seconds += sum([other.seconds for other in more])
+        item.moves |= any(other.moves for other in more)
+        item.end = more[-1].end if more else item.end
+        return [item]
+
+    def _restored(self, line: int, modes: State, rest: str, tools: ToolBlocks) -> list[Upcoming]:
+        """What makes the modes those of the program again, and what else stood in the line."""
+        found = self._stepped(line, [*restoring(tools, modes, self._rules.profile), *([rest] if rest else [])])
+        if found:
+            found[0].io = tuple([("M", code) for code, on in ((7, modes.mist), (8, modes.flood)) if on])
+        return found
+
+    def _after_change(self, piece: _Piece | None, row: int) -> None:
+        """The line before the first is an M6 that is done: its modes may not be restored yet."""
+        if piece is None or self._rules.tools is None or row < 0:
+            return
+        block = self._block(piece, row)
+        barrier = barrier_of(block, self._rules.profile)
+        if barrier is not None and barrier.tool_change:
+            self._behind = self._restored(piece.lines[row], self.state.copy(), "", self._rules.tools)
+
+    def _stepped(self, line: int, texts: list[str]) -> list[Upcoming]:
+        """Blocks that no line of the program has, followed as all others."""
+        found = []
+        for text in texts:
+            if len(text) > self._rules.max_block_bytes:
+                raise PlanError(line, f"{text!r} is longer than the {self._rules.max_block_bytes} bytes of a block")
+            self._reading.step(0, parse_block(text))
+            segments = self._reading.take()
+            seconds = float(plan(segments, self._rules.motion).sum())
+            moves = bool((segments.kind != DWELL).any())
+            unknown = bool((np.isnan(segments.start) ^ np.isnan(segments.end)).any())
+            found.append(Upcoming(line, text, seconds, inf if unknown else seconds, moves, _place(self.state)))
+        return found
 
     def _refuse_too_long(self, lines: list[int], written: list[str]) -> None:
         most_bytes = self._rules.max_block_bytes
@@ -256,9 +341,22 @@ class BlockReader:
         raise PlanError(line, f"the block has {len(text)} bytes, the machine takes {most_bytes}")
 
 
+def io_words(columns: Columns, blocks: Blocks, table: CodeTable) -> dict[int, tuple[tuple[str, int], ...]]:
+    """What the rows say to a tool changer: T, and M7 to M9 where they switch coolant."""
+    words = [("T", int(columns.row[at]), int(columns.value[at])) for at in np.flatnonzero(columns.letter == ord("T"))]
+    for number, rows in blocks.settings.items():
+        code = table.codes[number]
+        if code.sets in COOLANT and code.name in ("M7", "M8", "M9"):
+            words += [("M", int(row), int(code.name[1:])) for row in rows]
+    found: dict[int, tuple[tuple[str, int], ...]] = {}
+    for letter, row, value in words:
+        found[row] = (*found.get(row, ()), (letter, value))
+    return found
+
+
 def barrier_of(block: Block, profile: Profile) -> Barrier | None:
     """What makes `block` travel alone (elvinto §7); None for the many that do not."""
-    found = locate = ends_program = tool_change = False
+    found = locate = ends_program = tool_change = set_tool = False
     for word in block.words:
         if word.letter in profile.barrier_letters:
             found = True
@@ -272,8 +370,11 @@ def barrier_of(block: Block, profile: Profile) -> Barrier | None:
             found = True
             locate |= code.locate
             ends_program |= code.effect == "program_end"
-            tool_change |= code.effect == "tool_change"
-    return Barrier(locate, ends_program, tool_change) if found else None
+            tool_change |= code.effect in ("tool_change", "load_tool")
+            set_tool |= code.effect == "set_tool"
+    if not found:
+        return None
+    return Barrier(locate, ends_program, tool_change, set_tool=set_by(block) if set_tool else None)
 
 
 def _place(state: State) -> tuple[float, ...]:

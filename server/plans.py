@@ -19,6 +19,7 @@ from gcode.profile import Profile, load_profile
 from gcode.reentry import Reentry, Way
 from gcode.segments import Segments
 from gcode.state import State
+from gcode.toolcodes import with_tool_codes, without_changer
 from jobs.batch import BatchLimits, BatchPlanner
 from jobs.expansion import check_stored, check_stored_frames, motion_of
 from jobs.frames import Behind
@@ -26,9 +27,11 @@ from jobs.program import ProgramStore
 from jobs.reentry import Course, check_blocks, has_kept_its_modes, plan_at, with_plan
 from jobs.restart import CannotStartError, Switches, first_block, prologue, with_prologue
 from jobs.store import Row
+from jobs.toolblocks import ToolBlocks
 from protocol.commands import Position
 from server import frameplans
 from server.config import MachineConfig
+from server.grblconfig import GrblConfig
 from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
 from server.verbs import VERBS
@@ -62,6 +65,8 @@ class Workpiece:
     reentry: ReentryConfig | None = None
     """Of a controller that says what it holds and forgets it at a reset: its jobs are taken up by a plan. None: others
     are told their modes again, and go on from where they stand."""
+    tools: ToolBlocks | None = None
+    """Of a controller that is not sent M6: what it is sent in its place."""
 
     @classmethod
     def of(cls, config: MachineConfig) -> "Workpiece":
@@ -72,6 +77,11 @@ class Workpiece:
         if frames is not None:
             # It stands still until the next frame has come, and what a line weighs as text says nothing of the wire.
             profile, motion = profile_for(profile, frames), replace(motion, planner_blocks=1)
+        tools = _tool_blocks(config)
+        if config.toolchanger.kind == "none":
+            profile = without_changer(profile)
+        elif tools is not None:
+            profile = with_tool_codes(profile, moves=bool(tools.position))
         return cls(
             profile,
             motion,
@@ -82,6 +92,7 @@ class Workpiece:
             None if frames is not None or config.port.startswith(RATELESS) else config.baud,
             frames,
             config.reentry if "modal" in VERBS[config.protocol].capabilities else None,
+            tools,
         )
 
 
@@ -243,7 +254,20 @@ class Planning:
             absolute=absolute,
             skip_to=skip_to,
             held=held,
+            tools=piece.tools,
         )
+
+
+def _tool_blocks(config: MachineConfig) -> ToolBlocks | None:
+    """What a Grbl is sent in the place of M6; None where it is sent M6 itself, or has no changer."""
+    if not isinstance(config.dialect, GrblConfig) or not config.has_changer or config.toolchanger.kind == "none":
+        return None
+    return ToolBlocks(
+        config.toolchanger.change_position,
+        config.reentry.spindle_wait,
+        config.motion.laser,
+        knows_m61="M61" in load_profile(config.profile).codes,
+    )
 
 
 def _as_configured(piece: Workpiece, row: Row, held: Held) -> Entry:

@@ -37,6 +37,8 @@ def judge(profile: Profile, name: str) -> Verdict | None:
         if text := profile.ignored_letters.get(letter):
             return "warning", "ignored", f"{letter} words are ignored by {profile.title}: {text}"
         return "error", "unknown_word", f"{profile.title} has no {letter} words"
+    if name == "M6" and "no_tool_changer" in profile.features:
+        return "error", "no_tool_changer", "M6: this machine has no tool changer"
     code = profile.codes.get(name)
     if code is None or code.status == "missing":
         reason = f": {code.text}" if code and code.text else ""

@@ -1,0 +1,93 @@
+"""Programs with tool changes through the whole daemon, in simulated time: each machine with each kind of changer.
+
+What the changer sees is what goes over the API; it is the virtual one (sim/changer), which knows where its tools are.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from server.app import Workshop
+from server.controller import Controller
+from tests.harness.grblworkshop import GrblBench
+from tests.harness.simloop import run_simulated
+from tests.harness.workshop import MACHINE, Bench
+
+PROGRAM = "G21\nG90\nG1 X1 F3000\nT1 M6\nG1 X2\nT2\nM6\nG1 X3\nT3 M6\nX4\nM30\n"
+POSITION = ["G53 G0 Z-2", "G53 G0 X-1 Y-1"]
+
+Story = Callable[[Any, Workshop, Controller], Awaitable[None]]
+
+
+def bench_of(protocol: str, folder: Path, **toolchanger: Any) -> Bench:
+    options = {"toolchanger": toolchanger}
+    return GrblBench(folder, options=options) if protocol == "grbl" else Bench(folder, options=options)
+
+
+def told(bench: Bench, story: Story) -> None:
+    async def main() -> None:
+        shop = await bench.connected()
+        await story(bench, shop, shop.machines[MACHINE])
+        if bench.shop is not None:
+            await bench.shop.stop()
+
+    run_simulated(main())
+
+
+async def history(shop: Workshop, job: int, kind: str) -> list[dict[str, Any]]:
+    return [event["data"] for event in await shop.jobs.events(job) if event["type"] == kind]
+
+
+def moves(bench: Bench) -> list[str]:
+    return [block for block in bench.executed() if block.startswith(("G1", "X"))]
+
+
+@pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
+def test_three_changes_by_a_person(tmp_path: Path, protocol: str) -> None:
+    async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
+        job = await bench.job(PROGRAM)
+        for tool in (1, 2, 3):
+            view = await bench.status(job["id"], "waiting", "completed", "failed", "interrupted")
+            assert (view["status"], view["tool"]) == ("waiting", tool), view
+            stood = len(bench.executed())
+            await asyncio.sleep(30)
+            assert len(bench.executed()) == stood, "nothing moves while a person has the hands in the machine"
+            await router.confirm_tool()
+        await bench.status(job["id"], "completed")
+        assert router.tools.io.tool == 3
+        assert router.state_view()["tool"] == 3
+        assert [entry["tool"] for entry in await history(shop, job["id"], "tool_changed")] == [1, 2, 3]
+
+    told(bench_of(protocol, tmp_path), story)
+
+
+@pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
+def test_three_changes_with_jumpers_stop_for_nobody(tmp_path: Path, protocol: str) -> None:
+    async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
+        job = await bench.job(PROGRAM)
+        view = await bench.status(job["id"], "completed", "failed", "waiting", "interrupted")
+        assert view["status"] == "completed", view
+        assert [entry["tool"] for entry in await history(shop, job["id"], "tool_changed")] == [1, 2, 3]
+
+    told(bench_of(protocol, tmp_path, kind="loopback"), story)
+
+
+def test_a_grbl_is_never_sent_m6_and_gets_its_modes_back(tmp_path: Path) -> None:
+    program = "G21\nG91\nM3 S1000\nM8\nG1 X1 F600\nT1 M6\nX1\nM30\n"
+
+    async def story(bench: GrblBench, shop: Workshop, router: Controller) -> None:
+        job = await bench.job(program)
+        view = await bench.status(job["id"], "completed", "failed", "interrupted", "paused")
+        assert view["status"] == "completed", view
+        sent = bench.executed()
+        begin = sent.index("G21G90")
+        assert sent[begin:] == [
+            *("G21G90", "G53G0Z-2", "G53G0X-1Y-1", "M5", "M9"),
+            *("G21G17G91G94G54", "M3S1000", "G4P3", "M8", "G1F600", "T1"),
+            *("X1", "M30"),
+        ]
+
+    told(bench_of("grbl", tmp_path, kind="loopback", change_position=["G53G0Z-2", "G53G0X-1Y-1"]), story)
