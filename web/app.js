@@ -14,13 +14,14 @@ import { Header, Lost, Tabs } from "./parts/frame.js";
 import { JobsPage } from "./jobs/page.js";
 import { MachinePage } from "./machine/page.js";
 import { Notices } from "./parts/notices.js";
+import { PlotsPage } from "./telemetry/page.js";
 import { ProgramsPage } from "./programs/page.js";
 import { SettingsSections } from "./settings/sections.js";
 import { SignIn } from "./parts/signin.js";
 import { StatusBand } from "./machine/band.js";
 
 /** @type {Record<string, () => unknown>} */
-const VIEWS = { machine: MachinePage, programs: ProgramsPage, jobs: JobsPage, console: ConsolePage, card: CardPage,
+const VIEWS = { machine: MachinePage, programs: ProgramsPage, jobs: JobsPage, plots: PlotsPage, console: ConsolePage, card: CardPage,
   settings: SettingsSections };
 
 const present = computed(() => machine.value !== null);

@@ -62,7 +62,7 @@ const signOut = () => attempt(async () => {
 });
 
 /** @type {Record<string, string>} */
-const TAB_ICONS = { machine: "gauge", programs: "file", jobs: "list", console: "terminal", card: "card", settings: "sliders" };
+const TAB_ICONS = { machine: "gauge", programs: "file", jobs: "list", plots: "chart", console: "terminal", card: "card", settings: "sliders" };
 /** Pages that need something of the controller. @type {Record<string, string>} */
 const NEEDS = { card: "sd", settings: "settings" };
 
