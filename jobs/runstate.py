@@ -52,8 +52,10 @@ class RunState:
 
     @property
     def _standing(self) -> bool:
-        """The machine holds the motion by itself, or somebody at the machine does."""
-        return self.delivery.holds and self._reported in STANDING
+        """The machine holds the motion by itself, or somebody at the machine does; or the tool is in, and a pause that
+        was demanded meanwhile keeps it from going on."""
+        parked = self._reported == "tool" and self._wishes.hold
+        return self.delivery.holds and (self._reported in STANDING or parked)
 
     @property
     def status(self) -> Status:
@@ -89,6 +91,11 @@ class RunState:
     def holding(self) -> bool:
         """A pause is demanded (the batch in flight may still be executing), or the machine holds."""
         return self._wishes.hold or self._standing
+
+    @property
+    def can_resume(self) -> bool:
+        """It stands, or is to, and nobody has demanded its end."""
+        return self._outcome is None and not self._wishes.cancel and self.holding
 
     @property
     def can_pause(self) -> bool:

@@ -25,6 +25,8 @@ TAKEN_WITHIN_S = 3.0
 """A machine that takes no command for so long in an alarm is locked by it (grbl II.3, ALARM 1 and 2)."""
 REFUSED_WITHIN_S = 0.5
 """A controller that refuses to home or to jog says so at once; whoever asked is told then."""
+JOG_SHOWN_WITHIN_S = 1.0
+"""A jog is answered when it is planned; a report that shows it comes within a poll or two."""
 UNDER_WAY = frozenset({"run", "jog", "hold", "home", "door", "tool"})
 """Something moves, or stands in the middle of moving."""
 
@@ -55,7 +57,9 @@ class Controller(Machine):
         """Stand still: at once where the machine can, else after the batch in flight. Raises ProblemError."""
         runner = self.stream.runner
         runs = runner is not None and runner.can_pause
-        by_hand = runner is None and self.state.status in ("run", "jog")
+        # Whose job was interrupted may still have a machine that moves: it does what it had inside.
+        moves = self.state.status in ("run", "jog") or (self.state.status == "idle" and self.manual.moves)
+        by_hand = moves and not self.stream.moving
         if runs or by_hand:
             self._urge(self.verbs.hold)
         if runner is not None and runs:
@@ -66,7 +70,7 @@ class Controller(Machine):
     def resume(self) -> None:
         """Go on after a pause. Raises ProblemError."""
         runner = self.stream.runner
-        if runner is not None and runner.holding and runner.status is not Status.INTERRUPTED:
+        if runner is not None and runner.can_resume:
             self.check_takes_commands()
             self._urge(self.verbs.go_on)
             self.stream.react(runner.resume())
@@ -80,16 +84,20 @@ class Controller(Machine):
         """Cancel the job, and what was asked by hand and not sent: at once where the machine can drop what it has, else
         after the batch in flight. Raises ProblemError."""
         runner, had_manual = self.stream.runner, self.manual.busy
-        under_way = self.verbs.drop is not None and self.state.status in UNDER_WAY
+        # What was asked a moment ago moves before a report says so.
+        under_way = self.verbs.drop is not None and (self.state.status in UNDER_WAY or self.manual.moves)
+        jogged = self.verbs.cancel_jog is not None and self._loop.time() - self._jogged_at < JOG_SHOWN_WITHIN_S
         if under_way or (runner is not None and runner.flights):
             self._urge(self.verbs.drop)
+        elif jogged:
+            self._urge(self.verbs.cancel_jog)
         self.manual.sweep(ProblemError("command_failed", "A stop was demanded."))
         if runner is not None:
             self.stream.note("cancel_demanded")
             self.stream.react(runner.cancel())
         elif self.stream.reserved is not None:
             self.stream.reserved_cancelled = True
-        elif not had_manual and not under_way:
+        elif not (had_manual or under_way or jogged):
             raise ProblemError("wrong_state", f"Nothing is running on {self.name}.")
 
     def cancel_jog(self) -> None:
@@ -120,6 +128,8 @@ class Controller(Machine):
         port = self._port
         self.tools.estop_reset()
         if self.verbs.reset is not None:
+            # What was asked before a reset, and had to wait, does not move anything after it.
+            self.manual.sweep(ProblemError("command_failed", "A reset was demanded."))
             self.press(self.verbs.reset)
             return
         self._check_no_job()
@@ -171,7 +181,7 @@ class Controller(Machine):
             status = self.stream.status
             raise ProblemError("job_active", f"Job {self.stream.active_job} on {self.name} is {status}.")
         self.check_by_hand()
-        if self.manual.busy:
+        if self.manual.acts:
             raise ProblemError("machine_busy", f"{self.name} executes a command by hand.")
         if self.verbs.hold is not None and self.state.status not in ("idle", "check" if checking else "idle"):
             raise ProblemError("wrong_state", f"{self.name} is in the state {self.state.status}; a job begins in idle.")
@@ -197,6 +207,12 @@ class Controller(Machine):
         """Raises ProblemError when the machine refuses it at once."""
         if self.verbs.refuses_at_once:
             await asyncio.wait([answer], timeout=REFUSED_WITHIN_S)
+            if self.manual.withdraw(answer):
+                # Left in the queue it would move the machine whenever that takes commands again.
+                alarm = "" if self.state.alarm is None else f" ({self.state.alarm.message})"
+                raise ProblemError(
+                    "machine_busy", f"{self.name} takes no command at the moment{alarm}; nothing was sent."
+                )
             if answer.done():
                 _done(answer.result())
 
@@ -255,6 +271,7 @@ class Controller(Machine):
         if self.manual.waiting:
             raise ProblemError("machine_busy", f"{self.name} still executes the move before.")
         answer = self.manual.put(self._jog_step(axes, feed), droppable=True)
+        self._jogged_at = self._loop.time()
         self.pump()
         await self._accepted(answer)
 
@@ -322,7 +339,8 @@ class Controller(Machine):
             if runner.tool is not None:
                 self.state = replace(self.state, tool_requested=runner.tool)
             self.state = tool_confirmed(self.state)
-            self._urge(self.verbs.go_on)
+            if not runner.holding:
+                self._urge(self.verbs.go_on)
             self.stream.note("tool_confirmed", tool=runner.tool)
             self.stream.react(runner.confirm_tool())
         elif self.state.tool_requested is not None and not waiting:

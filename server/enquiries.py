@@ -50,6 +50,8 @@ ANSWERED_WITHIN_S = 60.0
 """A start-up block may move when it is written, and everything waits until the machine stands."""
 
 LOOK_EVERY_S = 0.1
+MODAL_EVERY_S = 1.0
+"""While a job runs `$G` goes before its lines: however many ask, the stream is asked for it once in so long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +132,9 @@ class Enquiries:
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._name = controller.name
+        self._modal: ModalRead | None = None
+        self._modal_at = 0.0
+        self._modal_alone = asyncio.Lock()
 
     # --- reading ------------------------------------------------------------------------------------------------
 
@@ -151,7 +156,12 @@ class Enquiries:
 
     async def modal(self) -> ModalRead:
         """The words of the active modal groups."""
-        return (await self._ask(READ_MODAL, ReadModal)).only(ModalRead)
+        async with self._modal_alone:
+            now = asyncio.get_running_loop().time()
+            if self._controller.stream.moving and self._modal is not None and now - self._modal_at < MODAL_EVERY_S:
+                return self._modal
+            self._modal, self._modal_at = (await self._ask(READ_MODAL, ReadModal)).only(ModalRead), now
+            return self._modal
 
     async def startup_blocks(self) -> tuple[str, ...]:
         """In their order; empty ones too."""

@@ -4,6 +4,7 @@ Not the running (jobs/runner.py). The one rule: a machine that was put into chec
 when the job ends, however it ends, as long as it can be reached.
 """
 
+import asyncio
 import logging
 from collections.abc import Sequence
 from functools import partial
@@ -15,6 +16,9 @@ from protocol.commands import CheckMode, OnError
 from protocol.events import CommandFailed
 from server.controller import Controller
 from server.problems import ProblemError
+
+LEFT_WITHIN_S = 10.0
+LOOK_EVERY_S = 0.05
 
 log = logging.getLogger(__name__)
 
@@ -46,7 +50,7 @@ async def enter(controller: Controller, row: Row) -> None:
 
 async def leave(controller: Controller) -> None:
     """After the last one. A reset, which is what a stop is, has left it already."""
-    if controller.state.status != "check":
+    if not _in_check(controller):
         return
     try:
         answer = await controller.ask(partial(CheckMode, on=False))
@@ -55,3 +59,13 @@ async def leave(controller: Controller) -> None:
         return
     if isinstance(answer.end, CommandFailed):
         controller.stream.note("check_mode_stays", message=answer.end.message)
+        return
+    # The controller resets itself behind its ok; until it says so the next job would find it in check mode.
+    for _ in range(round(LEFT_WITHIN_S / LOOK_EVERY_S)):
+        if not _in_check(controller):
+            return
+        await asyncio.sleep(LOOK_EVERY_S)
+
+
+def _in_check(controller: Controller) -> bool:
+    return controller.state.status == "check"

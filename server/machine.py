@@ -104,6 +104,7 @@ class Machine:
         """What it runs from its SD card; STATE `run` alone may be the old news of a job that has just ended."""
         self.unheard_stop: EmergencyStop | None = None
         """An emergency stop that the machine has not confirmed: if the link breaks it is the first word of the next."""
+        self._jogged_at = -float("inf")
         self._ready = False
         self._last_life_at = -float("inf")
         self._state_seq = 0

@@ -10,7 +10,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from protocol.commands import Command, RealtimeCommand
+from protocol.commands import (
+    Command,
+    Home,
+    Jog,
+    ReadDescriptions,
+    ReadFirmware,
+    ReadModal,
+    ReadOffsets,
+    ReadSettings,
+    ReadStartupBlocks,
+    RealtimeCommand,
+    RunBlock,
+)
 from protocol.engine import Engine
 from protocol.errors import MessageTooLongError
 from protocol.events import CommandDone, CommandFailed, Event
@@ -19,6 +31,7 @@ from server.problems import ProblemError
 
 QUEUE_LIMIT = 4
 """Commands by hand that wait, so that a held jog does not stop between two steps. More are refused."""
+QUESTIONS = (ReadDescriptions, ReadFirmware, ReadModal, ReadOffsets, ReadSettings, ReadStartupBlocks)
 MAX_EVENTS = 16
 """Kept of one command: every command brings one or two; an engine that brings more must not fill memory."""
 
@@ -48,6 +61,7 @@ class _Waiting:
 
 @dataclass(slots=True)
 class _Sent:
+    command: Command | RealtimeCommand
     future: asyncio.Future[Answer]
     events: list[Event] = field(default_factory=list)
 
@@ -66,6 +80,17 @@ class Manual:
     def busy(self) -> bool:
         """Something by hand is under way."""
         return bool(self._queue or self._sent)
+
+    @property
+    def acts(self) -> bool:
+        """Something by hand is under way that is more than a question: a reader must not keep a job from beginning."""
+        commands = [one.command for one in (*self._queue, *self._sent.values())]
+        return any(not isinstance(command, QUESTIONS) for command in commands)
+
+    @property
+    def moves(self) -> bool:
+        """Something that may move is with the machine and has no end yet."""
+        return any(isinstance(one.command, RunBlock | Home | Jog) for one in self._sent.values())
 
     @property
     def waiting(self) -> bool:
@@ -89,7 +114,7 @@ class Manual:
     def press(self, link: Link, make: MakeRealtime) -> asyncio.Future[Answer]:
         """Hand over a command of the realtime lane at once, beside whatever waits; the future is the answer."""
         command = make(self.next_token())
-        sent = self._sent[_token_of(command)] = _Sent(self._loop.create_future())
+        sent = self._sent[_token_of(command)] = _Sent(command, self._loop.create_future())
         link.realtime(command)
         return sent.future
 
@@ -106,7 +131,7 @@ class Manual:
             # What somebody typed does not fit the wire; nothing was sent, and the next one may.
             _refuse(waiting.future, ProblemError("invalid_request", f"It cannot be sent: {error}."))
             return False
-        self._sent[_token_of(waiting.command)] = _Sent(waiting.future)
+        self._sent[_token_of(waiting.command)] = _Sent(waiting.command, waiting.future)
         return True
 
     def handle(self, event: Event) -> None:

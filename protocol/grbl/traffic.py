@@ -100,6 +100,7 @@ class Traffic(ABC):
         self._cancels: list[int] = []
         self._cancelled_at = 0
         self._tool = 0
+        self._left_tool_at: int | None = None  # question number at which a tool change was ended
         self._flavour: Flavour = "grbl"
         self._axes: tuple[str, ...] = ()
         self._planner_blocks: int | None = None
@@ -137,6 +138,8 @@ class Traffic(ABC):
         """`~`. After a tool change the first input buffer goes on (grblHAL, M6)."""
         self._lane.put(CYCLE_START, token)
         self._held_at, self._refused = None, False
+        if self._status == "tool":
+            self._left_tool_at = self._poll.asked
         if self._by_hand is not None:
             for entry in self._by_hand.entries:
                 self._drop(entry.errand, "the program went on before it was answered")

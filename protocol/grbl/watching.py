@@ -63,7 +63,10 @@ class Watching(Resets):
             self._pendant = report.mpg
             self._emit(PendantChanged(report.mpg))
         self._watch_hold(report)
-        if report.status == "tool" != before:
+        # Once more where the `~` that was to end it did not arrive.
+        unheard = self._left_tool_at is not None and self._poll.asked > self._left_tool_at + 1
+        if report.status == "tool" and (before != "tool" or unheard):
+            self._left_tool_at = None
             self._emit(ToolRequested(self._tool if report.tool is None or self._tool else report.tool))
         if report.status == "idle" and self._by_hand is not None and self._by_hand.empty:
             self._by_hand = None

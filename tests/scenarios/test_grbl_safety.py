@@ -9,6 +9,7 @@ import pytest
 
 from server.app import Workshop
 from server.controller import Controller
+from server.problems import ProblemError
 from sim.grbl.simsettings import SimSettings
 from tests.harness.grblworkshop import GrblBench
 from tests.harness.simloop import until
@@ -168,3 +169,169 @@ def test_an_e_stop_pressed_twice_loses_the_position_once_and_for_all(tmp_path: P
         assert router.state.status == "alarm"
 
     simulated(tmp_path, story, settings=SimSettings(dollar=HOMED))
+
+
+def test_home_asked_in_a_locked_alarm_does_not_begin_at_the_reset(tmp_path: Path) -> None:
+    async def story(bench: GrblBench, _shop: Workshop, router: Controller) -> None:
+        await homed(router)
+        await router.run_blocks(["G0 X-20"])
+        job = await bench.job("\n".join([*HEAD, "G1 X-500 F3000", "M30"]) + "\n")
+        await bench.status(job["id"], "failed")
+        await asyncio.sleep(2)
+        with pytest.raises(ProblemError) as refused:
+            await router.home()
+        assert (refused.value.code, "soft limit" in refused.value.detail) == ("machine_busy", True)
+        place = dict(bench.machine.position)
+        assert place["X"] == pytest.approx(-20.0, abs=0.1)
+        await router.reset()
+        await asyncio.sleep(30)
+        assert bench.machine.position == place
+
+    simulated(tmp_path, story, settings=SimSettings(dollar=HOMED))
+
+
+def test_what_is_still_inside_after_a_break_can_be_paused(tmp_path: Path) -> None:
+    text = "\n".join([*HEAD, *[f"G1 X{10 * i} F300" for i in range(1, 60)], "M30"]) + "\n"
+
+    async def story(bench: GrblBench, _shop: Workshop, router: Controller) -> None:
+        job = await bench.job(text)
+        await asyncio.sleep(6)
+        bench.cable.pull()
+        await bench.status(job["id"], "interrupted")
+        await bench.cable.live_alone(1)
+        bench.cable.plugged = True
+        await until(lambda: router.link_status == "connected", within_s=30)
+        await state_is(router, "run", within_s=2)
+        router.pause()
+        await state_is(router, "hold", within_s=2)
+        router.resume()
+        await state_is(router, "run", within_s=2)
+        await bench.status(job["id"], "interrupted", within_s=0.1)
+
+    simulated(tmp_path, story, settings=SimSettings(reset_on_open=False))
+
+
+@pytest.mark.parametrize("what", ["block", "jog"])
+def test_a_stop_right_behind_a_move_stops_it(tmp_path: Path, what: str) -> None:
+    async def story(bench: GrblBench, _shop: Workshop, router: Controller) -> None:
+        await asyncio.sleep(1)
+        moving = None
+        if what == "jog":
+            await router.jog({"x": 100.0}, 600)
+        else:
+            moving = asyncio.ensure_future(router.run_blocks(["G1 X100 F600"]))
+        await asyncio.sleep(0.01)
+        assert router.state.status == "idle", "no report has shown it yet"
+        router.stop()
+        await asyncio.sleep(15)
+        assert bench.machine.position["X"] < 5.0
+        if moving is not None:
+            assert (await moving)[0]["ok"] is False
+        with pytest.raises(ProblemError):
+            router.stop()
+
+    simulated(tmp_path, story)
+
+
+def test_a_pause_right_behind_a_block_holds_it(tmp_path: Path) -> None:
+    async def story(bench: GrblBench, _shop: Workshop, router: Controller) -> None:
+        await asyncio.sleep(1)
+        moving = asyncio.ensure_future(router.run_blocks(["G1 X100 F600"]))
+        await asyncio.sleep(0.01)
+        router.pause()
+        await asyncio.sleep(15)
+        assert bench.machine.position["X"] < 5.0
+        router.resume()
+        assert (await moving)[0]["ok"] is True
+        assert bench.machine.position["X"] == pytest.approx(100.0, abs=0.01)
+
+    simulated(tmp_path, story)
+
+
+def test_a_job_that_is_being_cancelled_is_not_resumed(tmp_path: Path) -> None:
+    async def story(bench: GrblBench, shop: Workshop, router: Controller) -> None:
+        job = await bench.job(zigzag(300))
+        await asyncio.sleep(6)
+        router.pause()
+        await bench.status(job["id"], "paused", within_s=2)
+        router.stop()
+        with pytest.raises(ProblemError):
+            router.resume()
+        await bench.status(job["id"], "cancelled", within_s=3)
+        assert (await shop.jobs.row(job["id"]))["hold"], "had the daemon died it would not have moved"
+
+    simulated(tmp_path, story)
+
+
+def test_a_check_makes_way_for_the_next_job_when_its_reset_is_over(tmp_path: Path) -> None:
+    async def story(bench: GrblBench, shop: Workshop, _router: Controller) -> None:
+        first = await check(shop, zigzag(400))
+        second = await bench.job(zigzag(5))
+        await bench.status(first, "completed")
+        await bench.status(second["id"], "completed", within_s=30)
+        assert bench.machine.position["X"] == pytest.approx(0.5, abs=0.01)
+
+    simulated(tmp_path, story)
+
+
+TOOLS = "\n".join([*HEAD, "G1 X1 F600", "T3 M6", *[f"G1 X{i} F600" for i in range(2, 20)], "M30"]) + "\n"
+
+
+@pytest.mark.parametrize("then", ["resume", "stop"])
+def test_a_pause_while_a_tool_is_waited_for_outlives_the_tool(tmp_path: Path, then: str) -> None:
+    async def story(bench: GrblBench, shop: Workshop, router: Controller) -> None:
+        job = await bench.job(TOOLS)
+        await bench.status(job["id"], "waiting", within_s=30.0)
+        await shop.jobs.pause(job["id"])
+        await asyncio.sleep(1)
+        await router.confirm_tool()
+        await asyncio.sleep(10)
+        await bench.status(job["id"], "paused", within_s=0.1)
+        assert bench.machine.position["X"] < 2.0
+        if then == "resume":
+            router.resume()
+            await bench.status(job["id"], "completed", within_s=60)
+        else:
+            router.stop()
+            await bench.status(job["id"], "cancelled", within_s=60)
+
+    simulated(tmp_path, story, settings=SimSettings(flavour="grblHAL"), grbl={"firmware": "grblhal"})
+
+
+def test_a_tool_whose_end_was_lost_on_the_wire_is_asked_for_again(tmp_path: Path) -> None:
+    async def story(bench: GrblBench, _shop: Workshop, router: Controller) -> None:
+        job = await bench.job(TOOLS)
+        await bench.status(job["id"], "waiting", within_s=30.0)
+        link: Any = router._link
+        write = link._write
+        link._write = lambda data: write(data.replace(b"~", b""))
+        await router.confirm_tool()
+        link._write = write
+        await bench.status(job["id"], "running", within_s=0.2)
+        await bench.status(job["id"], "waiting", within_s=2)
+        await router.confirm_tool()
+        await bench.status(job["id"], "completed", within_s=60)
+
+    simulated(tmp_path, story, settings=SimSettings(flavour="grblHAL"), grbl={"firmware": "grblhal"})
+
+
+def test_a_reader_neither_keeps_a_job_from_beginning_nor_fills_its_stream(tmp_path: Path) -> None:
+    async def story(bench: GrblBench, shop: Workshop, router: Controller) -> None:
+        reading = asyncio.ensure_future(shop.panels[MACHINE].settings.all())
+        await asyncio.sleep(0)
+        assert router.manual.busy
+        router.check_can_start()
+        await reading
+        job = await bench.job(zigzag(60))
+        await state_is(router, "run")
+        link: Any = router._link
+        sent, write = bytearray(), link._write
+        link._write = lambda data: (sent.extend(data), write(data))
+        began_at = asyncio.get_running_loop().time()
+        for _ in range(50):
+            assert (await shop.panels[MACHINE].modal())["machine"] == MACHINE
+            await asyncio.sleep(0.01)
+        assert 1 <= sent.count(b"$G") <= 1 + asyncio.get_running_loop().time() - began_at
+        await bench.status(job["id"], "completed")
+
+    simulated(tmp_path, story)
