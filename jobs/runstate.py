@@ -143,10 +143,15 @@ class RunState:
         deadline = self.deadline()
         return Inheritance(
             tuple(flight.entry.command() for flight in self.ledger.open),
-            dict(self.ledger.position),
+            dict(self.ledger.position) if self._located else {},
             -math.inf if deadline is None else deadline,
             self.ledger.executed,
         )
+
+    @property
+    def _located(self) -> bool:
+        """Whether where the last certain batch ended says where the machine stands, as far as the job has moved it."""
+        return self.delivery.locates or not (self.ledger.doubtful or self.ledger.inherited_doubt)
 
     # --- stopping ---------------------------------------------------------------------------------------------
 

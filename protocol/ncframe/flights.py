@@ -263,6 +263,7 @@ class Flights(Exchange):
         self._fail("link", None, reason)
         self._standing = {}
         self._emit(FateInDoubt((), ids, reason))
+        self._tell(self._status, now)  # at once, that nobody takes it for standing where it was
         self._enquire(Phase.GREET, now, settle=True)
 
     def _miscounted(self, count: int, now: float) -> None:
