@@ -1,4 +1,4 @@
-"""Commands for machines: list them, hold, go on, stop, e-stop, read the console, and find serial ports.
+"""Commands for machines: list them, hold, go on, stop, e-stop, home, jog, read the console, and find serial ports.
 
 The one rule: nothing here asks back. A stop that waits for an answer to a question is no stop.
 """
@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 from serial.tools import list_ports
 
-from server.cli.common import DEFAULT_URL, CliError, Json, Machine, Url, safe, say, say_json, terminal, warn
+from server.cli.common import DEFAULT_URL, CliError, ExitCode, Json, Machine, Url, safe, say, say_json, terminal, warn
 from server.cli.daemon import Daemon, machine_path
 
 AXES = "xyzabc"
@@ -18,7 +18,7 @@ AXES = "xyzabc"
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
-    for command in (machines, console, ports, pause, resume, stop, estop):
+    for command in (machines, console, ports, pause, resume, stop, estop, home, unlock, reset, jog):
         app.command()(command)
 
 
@@ -118,6 +118,48 @@ def estop(ctx: typer.Context, machine: Machine = None, url: Url = DEFAULT_URL, a
             warn(f"{safe(name)}: {error.message}")
     if refused:
         raise typer.Exit(max(error.code for error in refused.values()))
+
+
+def home(ctx: typer.Context, machine: Machine = None, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
+    """Home the machine; it begins to move."""
+    _act(ctx, "home", machine, url, as_json)
+
+
+def unlock(ctx: typer.Context, machine: Machine = None, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
+    """Clear an alarm. The position may be lost: home before the next job."""
+    _act(ctx, "unlock", machine, url, as_json)
+
+
+def reset(ctx: typer.Context, machine: Machine = None, url: Url = DEFAULT_URL, as_json: Json = False) -> None:
+    """Reset the controller, at once; a Grbl also in the middle of a job, which is interrupted then."""
+    _act(ctx, "reset", machine, url, as_json)
+
+
+Way = Annotated[float | None, typer.Option(help="How far, mm.")]
+
+
+def jog(
+    ctx: typer.Context,
+    x: Way = None,
+    y: Way = None,
+    z: Way = None,
+    a: Annotated[float | None, typer.Option(help="How far, degrees.")] = None,
+    b: Annotated[float | None, typer.Option(help="How far, degrees.")] = None,
+    c: Annotated[float | None, typer.Option(help="How far, degrees.")] = None,
+    feed: Annotated[float | None, typer.Option(min=0.001, help="mm/min.")] = None,
+    cancel: Annotated[bool, typer.Option("--cancel", help="End the jog instead.")] = False,
+    machine: Machine = None,
+    url: Url = DEFAULT_URL,
+    as_json: Json = False,
+) -> None:
+    """Move by a distance from where the machine stands, with --feed; or end that."""
+    ways = {axis: way for axis, way in zip(AXES, (x, y, z, a, b, c), strict=True) if way}
+    if cancel == bool(ways) or cancel == (feed is not None):
+        raise CliError(ExitCode.USAGE, "Say how far (--x, --y, ...) and --feed, or --cancel alone.")
+    with Daemon.of(ctx, url) as daemon:
+        path = machine_path(daemon.only_machine(machine), "/jog")
+        answer = daemon.delete(path) if cancel else daemon.post(path, {**ways, "feed": feed})
+    _report([answer], as_json)
 
 
 def _act(ctx: typer.Context, action: str, machine: str | None, url: str, as_json: bool) -> None:

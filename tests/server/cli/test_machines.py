@@ -31,7 +31,7 @@ def test_a_hostile_name_is_shown_safely(millstream: Run) -> None:
     assert "\x1b" not in millstream("machines", answers={"GET /machines": [machine("\x1b[2J")]}).out
 
 
-@pytest.mark.parametrize("verb", ["pause", "resume", "stop", "estop"])
+@pytest.mark.parametrize("verb", ["pause", "resume", "stop", "estop", "home", "unlock", "reset"])
 def test_a_verb_goes_to_the_only_machine(millstream: Run, verb: str) -> None:
     outcome = millstream(verb, answers=accepted("router", verb))
     assert outcome.code == 0
@@ -39,7 +39,7 @@ def test_a_verb_goes_to_the_only_machine(millstream: Run, verb: str) -> None:
     assert outcome.daemon.made()[-1] == f"POST /machines/router/{verb}"
 
 
-@pytest.mark.parametrize("verb", ["pause", "resume", "stop", "estop"])
+@pytest.mark.parametrize("verb", ["pause", "resume", "stop", "estop", "home", "unlock", "reset"])
 def test_a_named_machine_is_not_looked_up_first(millstream: Run, verb: str) -> None:
     outcome = millstream(verb, "--machine", "lathe", answers=accepted("lathe", verb))
     assert outcome.code == 0
@@ -106,3 +106,22 @@ def test_no_ports_is_explained(millstream: Run, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(machines.list_ports, "comports", list)
     assert "No serial ports" in millstream("ports").out
     assert json.loads(millstream("ports", "--json").out) == []
+
+
+def test_a_jog_and_its_end(millstream: Run) -> None:
+    taken = accepted("router", "jog") | {"DELETE /machines/router/jog": {"machine": "router", "accepted": "cancel_jog"}}
+    outcome = millstream("jog", "--x", "-1.5", "--z", 2, "--feed", 600, answers=taken)
+    assert (outcome.code, outcome.out) == (0, "router: jog\n")
+    assert outcome.daemon.body() == {"x": -1.5, "z": 2.0, "feed": 600.0}
+    outcome = millstream("jog", "--cancel", answers=taken)
+    assert (outcome.code, outcome.out) == (0, "router: cancel_jog\n")
+    assert outcome.daemon.made()[-1] == "DELETE /machines/router/jog"
+
+
+@pytest.mark.parametrize(
+    "argv", [[], ["--x", "1"], ["--feed", "600"], ["--x", "0", "--feed", "600"], ["--x", "1", "--cancel"]]
+)
+def test_a_jog_that_is_none_asks_nothing(millstream: Run, argv: list[str]) -> None:
+    outcome = millstream("jog", *argv)
+    assert outcome.code == 2
+    assert outcome.daemon.made() == []
