@@ -120,3 +120,27 @@ def test_signs_of_life() -> None:
             journal.alive(db, "router", at)
         assert journal.alive_at(db, "router") == "2026-03-01T09:00:01.000Z"
         assert journal.highest_id(db, "router") == 0
+
+
+def test_a_row_that_ends_within_a_line_says_how_far_it_is() -> None:
+    with database() as db:
+        job = add_job(db)
+        row = entry(job, 1, 1004, 3, blocks=("X1", "X2"), lines=(3, 3), parts=(2, 3), last_line=3, end={"x": 2.0})
+        journal.journal(db, "router", row, AT)
+        assert journal.past(db, job).open == (row,)
+        journal.mark(db, ok(row, 2))
+        past = journal.past(db, job)
+        assert (past.position, past.part, past.executed) == ({"x": 2.0}, 3, 1005)
+
+
+def test_a_row_that_was_cut_tells_what_was_executed_of_it() -> None:
+    with database() as db:
+        job = add_job(db)
+        row = entry(job, 1, 1004, 3, blocks=("X1", "X2", "X3"), lines=(3, 4, 4), parts=(0, 2, 0), last_line=4)
+        journal.journal(db, "router", row, AT)
+        first, _ = row.batch.cut(2, {"x": 3.0})
+        journal.mark(db, ok(row, 3, end=first.end, cut=first))
+        past = journal.past(db, job)
+        assert (past.open, past.position, past.part, past.executed) == ((), {"x": 3.0}, 2, 1005)
+        (shown,) = journal.rows_of(db, job, limit=10)
+        assert (shown["line_from"], shown["line_to"], shown["blocks"], shown["status"]) == (3, 4, 2, "ok")

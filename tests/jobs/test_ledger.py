@@ -75,3 +75,30 @@ def test_a_row_is_found_by_its_wire_id() -> None:
     assert ledger.flight(1002) is ledger.open[1]
     assert ledger.flight(7) is None
     assert isinstance(ledger.open[0], Flight)
+
+
+def test_a_batch_that_was_cut_is_done_up_to_there_and_nothing_is_in_doubt() -> None:
+    """Two lines of which the first became two frames: one frame is executed, so the line is not."""
+    ledger = Ledger()
+    three = batch(5, blocks=("X1", "X2", "X3"), lines=(5, 5, 6), parts=(2, 0, 0), last_line=6, end={"x": 6.0})
+    ledger.submit(Entry(1, 1, 1001, three))
+    mark, rest = ledger.cut(ledger.open[0], 1, {"x": 1.0}, AT)
+    assert (mark.status, mark.line_done, mark.end) == (RowStatus.OK, 4, {"x": 1.0})
+    assert mark.cut is not None
+    assert (mark.cut.blocks, mark.cut.last_line, mark.cut.part) == (("X1",), 5, 2)
+    assert (rest.blocks, rest.first_line, rest.lines, rest.start, rest.end) == (
+        ("X2", "X3"),
+        5,
+        (5, 6),
+        {"x": 1.0},
+        {"x": 6.0},
+    )
+    assert (ledger.cursor.done, ledger.position, ledger.executed, ledger.open) == (4, {"x": 1.0}, 1001, [])
+    assert ledger.lines_in_doubt() == (None, None)
+
+
+def test_a_line_of_which_a_frame_is_left_is_not_done() -> None:
+    ledger = Ledger()
+    ledger.submit(Entry(1, 1, 1001, batch(5, blocks=("X1", "X2"), lines=(5, 5), parts=(2, 3), last_line=5)))
+    assert ledger.done(ledger.open[0], inferred=False, position=None, at=AT).line_done == 4
+    assert ledger.executed == 1002

@@ -572,3 +572,40 @@ def test_a_fate_that_is_being_found_out_is_noted_and_nothing_goes_out_meanwhile(
     bench.tell(FateSettled((), (1000,), {"x": 0.0}), free=True)
     assert bench.sent == [1000, 1001], "the same lines under a fresh ID"
     assert bench.runner.ledger.cursor.sent == 2
+
+
+def test_behind_a_program_stop_it_stands_still_until_somebody_resumes() -> None:
+    bench = Bench([batch(1, pauses=True, barrier=True), batch(3)])
+    bench.finish(1000)
+    assert bench.runner.status is Status.PAUSED
+    assert SetHold(hold=True) in bench.seen
+    assert bench.sent == [1000]
+    bench.do(bench.runner.resume())
+    assert bench.sent == [1000, 1001]
+
+
+def broken_off(now: float) -> Bench:
+    """A break in the middle of three frames; the new epoch's machine has counted the first of them."""
+    bench = Bench([batch(1, blocks=("X1", "X2", "X3"), last_line=3), batch(5)])
+    bench.tell(BatchSent(1000, 1))
+    bench.do(bench.runner.link_down(last_life_at=0.0))
+    bench.now, bench.next_id, bench.free = now, 2000, True
+    bench.tell(BatchFailed(1000, "link", None, "broke off", 1, 1, {"x": 1.0}))
+    bench.tell(FateSettled((), (), {"x": 1.0}), LinkReady())
+    return bench
+
+
+def test_a_batch_that_broke_off_between_frames_goes_on_with_the_rest_of_it() -> None:
+    bench = broken_off(1.0)
+    assert bench.rows[1] is RowStatus.OK
+    assert bench.runner.ledger.cursor.done == 1
+    commands = [effect.command for effect in bench.seen if isinstance(effect, Submit)]
+    assert commands[-1].blocks == ("X2", "X3")
+    assert bench.runner.status is Status.RUNNING
+
+
+def test_after_a_long_break_it_does_not_but_nothing_is_in_doubt() -> None:
+    bench = broken_off(100.0)
+    assert bench.sent == [1000]
+    assert bench.errors == ("break_too_long", None, None)
+    assert bench.runner.inherit().start == {"x": 1.0}
