@@ -65,7 +65,7 @@ function nowOf(ring) {
 
 /** All that is remembered, as a file. @param {import("./ring.js").Ring} ring */
 function keep(ring) {
-  const [times, ...rows] = ring.rows(COLUMNS, -Infinity, -Infinity);
+  const [times, ...rows] = ring.rows(COLUMNS, -Infinity, Infinity);
   const lines = times.map((at, place) => Object.fromEntries([["at", new Date(/** @type {number} */ (at) * 1000).toISOString()],
     ...COLUMNS.map((name, column) => [name, rows[column][place]])]));
   save(`${chosen.value}-plots.csv`, "text/csv", csv(["at", ...COLUMNS], lines));

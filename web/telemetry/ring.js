@@ -42,23 +42,32 @@ export class Ring {
     return this.columns[COLUMNS.indexOf(name)].some((value) => !Number.isNaN(value));
   }
 
+  get oldest() {
+    return Math.max(0, this.count - this.capacity);
+  }
+
+  /** The first sample for which it is not so. @param {(at: number) => boolean} before */
+  placeOf(before) {
+    let low = this.oldest, high = this.count;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (before(this.at[middle % this.capacity])) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
   /**
-   * The samples from `from` on, and the one before it, oldest first; the newest value holds until `to`.
+   * The samples from `from` to `to`, and the one before them, oldest first; the newest value holds until `to`, unless that
+   * is Infinity.
    * @param {string[]} names @param {number} from s @param {number} to s
    * @returns {(number | null)[][]} times, then a row for each name
    */
   rows(names, from, to) {
-    const oldest = Math.max(0, this.count - this.capacity);
-    let low = oldest, high = this.count;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.at[middle % this.capacity] < from) low = middle + 1;
-      else high = middle;
-    }
-    const first = Math.max(oldest, low - 1), size = this.count - first;
+    const first = Math.max(this.oldest, this.placeOf((at) => at < from) - 1), size = this.placeOf((at) => at <= to) - first;
     const read = (/** @type {Float64Array} */ column) => Array.from({ length: size }, (_, place) => column[(first + place) % this.capacity]);
     const times = read(this.at), rows = names.map((name) => read(this.columns[COLUMNS.indexOf(name)]).map((value) => (Number.isNaN(value) ? null : value)));
-    if (size && times[size - 1] < to) {
+    if (size && times[size - 1] < to && to !== Infinity) {
       times.push(to);
       for (const row of rows) row.push(row[size - 1]);
     }
