@@ -35,7 +35,10 @@ def jog(core: Core, text: str) -> Task[None]:
     if set(block.codes) - {"units", "distance", "nonmodal"} or block.code("nonmodal") not in ("", "G53"):
         raise Refused(16)
     if not plan.moves:
-        raise Refused(26)
+        # Grbl 1.1 asks for no axis here, and its target has then never been worked out: it goes to machine zero.
+        if core.kind.hal:
+            raise Refused(26)
+        plan.target = ORIGIN
     if core.memory.on(20) and beyond_travel(core, plan.target):
         raise Refused(15)
     yield from line(core, plan.target, "jog", plan.feed)

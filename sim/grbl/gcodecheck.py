@@ -70,7 +70,7 @@ def check(block: Block, modal: Modal, memory: Nonvolatile, kind: SimSettings, *,
     scale = INCH_MM if plan.units == "G20" else 1.0
     _length(plan, kind)
     _system(plan, modal, memory)
-    _nonmodal(plan, modal, memory, scale)
+    _nonmodal(plan, modal, memory, scale, kind)
     _motion(plan, modal, scale, kind)
     if block.axis_user is not None:
         plan.unused -= set(AXES)
@@ -146,10 +146,10 @@ def _scaled(plan: Plan, scale: float) -> dict[int, float]:
     return {at: plan.block.values[axis] * scale for at, axis in enumerate(AXES) if axis in plan.block.values}
 
 
-def _nonmodal(plan: Plan, modal: Modal, memory: Nonvolatile, scale: float) -> None:
+def _nonmodal(plan: Plan, modal: Modal, memory: Nonvolatile, scale: float, kind: SimSettings) -> None:
     code = plan.block.code("nonmodal")
     if code == "G10":
-        _g10(plan, modal, memory, scale)
+        _g10(plan, modal, memory, scale, kind)
         return
     words = _scaled(plan, scale)
     if code == "G92":
@@ -185,22 +185,24 @@ def _target(plan: Plan, modal: Modal, words: dict[int, float], *, machine: bool)
     plan.target = _point(target)
 
 
-def _g10(plan: Plan, modal: Modal, memory: Nonvolatile, scale: float) -> None:
+def _g10(plan: Plan, modal: Modal, memory: Nonvolatile, scale: float, kind: SimSettings) -> None:
     values = plan.block.values
     if not plan.block.axes():
         raise Refused(26)
-    if "P" not in values or "L" not in values:
+    # One of the two is enough for Grbl 1.1: without P it is the present system, without L it is L0, which nobody knows.
+    missing = {"P", "L"} - values.keys()
+    if len(missing) > (0 if kind.hal else 1):
         raise Refused(28)
-    number = int(values["P"])
+    number, what = int(values.get("P", 0.0)), values.get("L", 0.0)
     if number > len(memory.systems):
         raise Refused(29)
-    if values["L"] not in (2, 20) or (values["L"] == 2 and "R" in values):
+    if what not in (2, 20) or (what == 2 and "R" in values):
         raise Refused(20)
     plan.unused -= {"L", "P"}
     name = memory.systems[number - 1] if number else plan.system
     stored = list(memory.coords[name])
     for at, value in _scaled(plan, scale).items():
-        if values["L"] == 20:
+        if what == 20:
             stored[at] = modal.position[at] - modal.g92[at] - (modal.tool_length if at == 2 else 0.0) - value
         else:
             stored[at] = value

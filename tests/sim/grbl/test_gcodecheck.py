@@ -70,8 +70,9 @@ CASES = [
     ("N10000000G0X1", 27),
     ("G4", 28),
     ("G4X1", 28),
-    ("G10X1L2", 28),
-    ("G10X1P1", 28),
+    ("G10X1", 28),
+    ("G10X1P1", 20),
+    ("G10X1P7", 29),
     ("G10L2P7X1", 29),
     ("G10L3P1X1", 20),
     ("G10L2P1X1R5", 20),
@@ -153,3 +154,11 @@ def test_ii_4_after_an_error_the_lines_behind_it_are_executed() -> None:
     console.rest()
     assert console.at(5, 0, 0)
     assert [line.text for line in console.machine.executed] == ["G1X10F600", "G1X5"]
+
+
+def test_g10_without_p_is_for_the_present_system() -> None:
+    console = Console()
+    for text in ("G55\n", "G10L2X3\n", "G10L20Y-4\n"):
+        console.tell(text)
+        console.rest()
+    assert "[G55:3.000,4.000,0.000]" in console.tell("$#\n")

@@ -27,7 +27,6 @@ def test_modes_of_the_program_are_not_touched() -> None:
     ("text", "answer"),
     [
         ("$J=X1\n", "error:22"),
-        ("$J=F100\n", "error:26"),
         ("$J=G1X1F100\n", "error:16"),
         ("$J=G55X1F100\n", "error:16"),
         ("$J=M3X1F100\n", "error:16"),
@@ -41,6 +40,16 @@ def test_modes_of_the_program_are_not_touched() -> None:
 )
 def test_ii_3_syntax(text: str, answer: str) -> None:
     assert Console().tell(text) == [answer]
+
+
+def test_a_jog_without_an_axis_goes_to_machine_zero() -> None:
+    console = Console()
+    console.tell("G0X3Y-2\n")
+    console.rest()
+    assert console.tell("$J=F6000\n") == ["ok"]
+    assert console.state() == "Jog"
+    console.rest()
+    assert console.at(0, 0, 0)
 
 
 def test_ii_3_axis_conflicts_may_give_another_code() -> None:
