@@ -5,6 +5,7 @@ and exclusively, `write` never waits, and the loss of the port is told exactly o
 """
 
 import asyncio
+import os
 import socket
 from collections.abc import Callable
 from contextlib import suppress
@@ -83,6 +84,30 @@ class _TcpStream(_Stream, asyncio.BufferedProtocol):
         self.data_received(bytes(memoryview(self._buffer)[:nbytes]))
 
 
+class _Device(serial.Serial):
+    """A serial port of which the loop knows already that it can be read or written: pyserial asks the system again each
+    time, and where the device takes nothing more it would try for ever instead of leaving the rest to the loop."""
+
+    def read(self, size: int = 1) -> bytes:
+        """What has come; never waits. What is wrong, pyserial finds out and says."""
+        if os.name == "posix" and self.is_open:
+            with suppress(OSError):
+                if data := os.read(self.fileno(), size):
+                    return data
+        return bytes(super().read(size))
+
+    def write(self, data: Any, /) -> int | None:
+        """How many bytes the device has taken. Raises BlockingIOError when it takes none at the moment."""
+        if os.name == "posix" and self.is_open:
+            try:
+                return os.write(self.fileno(), data)
+            except BlockingIOError:
+                raise
+            except OSError:
+                pass  # pyserial finds out what is wrong, and says it
+        return super().write(data)
+
+
 class PortOpener:
     """Opens whatever a URL names. One for each machine, of its protocol: a built-in virtual machine outlives its
     connections."""
@@ -133,7 +158,7 @@ async def _open_tcp(url: str, on_data: OnData, on_lost: OnLost) -> Port:
 async def _open_device(path: str, baud: int, on_data: OnData, on_lost: OnLost, *, dtr: bool) -> Port:
     def open_blocking() -> serial.Serial:
         # Two opens of one port are allowed unless exclusive is asked for, and each would get half of the answers.
-        device = serial.Serial(None, baudrate=baud, exclusive=True, timeout=0, write_timeout=0)
+        device = _Device(None, baudrate=baud, exclusive=True, timeout=0, write_timeout=0)
         device.port, device.dtr = path, dtr
         device.open()
         with suppress(ValueError, OSError, AttributeError):

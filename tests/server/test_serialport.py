@@ -86,6 +86,29 @@ def test_a_device_that_goes_away_is_lost_once() -> None:
     asyncio.run(main())
 
 
+def test_what_a_device_does_not_take_at_once_waits_beside_the_loop_and_goes_out_in_order() -> None:
+    async def main() -> None:
+        with pseudo_terminal() as (ours, name):
+            os.set_blocking(ours, False)
+            ends = Ends()
+            port = await PortOpener("grbl")(name, 115200, ends.data.extend, ends.lost.append)
+            said = b"".join(b"%07d\n" % number for number in range(32_768))
+            for start in range(0, len(said), 1024):
+                port.write(said[start : start + 1024])  # nobody reads: the device is soon full
+            heard = bytearray()
+            async with asyncio.timeout(10):
+                while len(heard) < len(said):
+                    with suppress(BlockingIOError):
+                        heard += os.read(ours, 65_536)
+                    await asyncio.sleep(0)
+            assert bytes(heard) == said
+            port.close()
+            await asyncio.sleep(0)
+            assert ends.lost == []
+
+    asyncio.run(main())
+
+
 def test_a_device_that_is_not_there() -> None:
     async def main() -> None:
         with pytest.raises(OSError, match="no-such-device"):
