@@ -32,6 +32,7 @@ from server.programservice import ProgramService
 from server.serialport import Opener, PortOpener
 from server.starting import Background, Starter
 from server.tokens import TokenStore
+from server.toolchanger import ToolChanger
 from server.toolpaths import Toolpaths
 from server.worker import ThreadWorker, Worker
 
@@ -73,6 +74,7 @@ class Workshop:
 
     machines: Mapping[str, Controller]
     panels: Mapping[str, Panel]
+    changers: Mapping[str, ToolChanger]
     jobs: JobService
     programs: ProgramService
     hub: Hub
@@ -110,6 +112,7 @@ class Workshop:
         )
         self.machines = {machine.name: await self._controller(machine) for machine in config.machine}
         self.panels = {name: Panel(one, db=self.db, clock=parts.clock) for name, one in self.machines.items()}
+        self.changers = {name: one.tools for name, one in self.machines.items()}
         background = Background()
         starter = Starter(
             db=self.db,

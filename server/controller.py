@@ -6,6 +6,7 @@ job, then the history.
 """
 
 import asyncio
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -36,7 +37,12 @@ class Controller(Machine):
 
     # --- at once: nothing here waits --------------------------------------------------------------------------
 
-    def estop(self) -> None:
+    def chain_opened(self) -> None:
+        """The external e-stop chain of the tool changer is open."""
+        with suppress(ProblemError):  # the history says that the machine was not reached
+            self.estop(by_changer=True)
+
+    def estop(self, *, by_changer: bool = False) -> None:
         """W98 now, before every other byte; the job fails. Raises ProblemError when the machine cannot be reached."""
         link, job = self._link, self.stream.active_job
         if link is not None:
@@ -46,7 +52,8 @@ class Controller(Machine):
         self.stream.reserved_cancelled = True
         if self.stream.runner is not None:
             self.stream.react(self.stream.runner.emergency())
-        self.tools.estop()
+        if not by_changer:
+            self.tools.estop()
         self.stream.note("estop_demanded", job=job, reached_wire=link is not None)
         if link is None:
             raise ProblemError(

@@ -124,9 +124,10 @@ class Machine:
             frames=self._frames,
         )
         self.tools = ToolChanger(
-            self.name, config.toolchanger, kept=kept, job=self.stream, db=db, hub=hub, loop=self._loop
+            self.name, config.toolchanger, kept=kept, job=self.stream, db=db, hub=hub, clock=clock, loop=self._loop
         )
         self.tools.on_tool = self._tool_is
+        self.tools.on_estop = self.chain_opened
         self.stream.ask_changer = self.tools.ask
         self.stream.on_end = self.tools.job_ended
 
@@ -322,6 +323,9 @@ class Machine:
         self.stream.conditions(self.state)
         if self.state.alarm != before.alarm:
             self._hub.publish("alarm", self.name, {"alarm": alarm_view(self.state.alarm)})
+
+    def chain_opened(self) -> None:
+        """The tool changer's e-stop chain is open: what is done about it is in controller.py."""
 
     def _tool_is(self, number: int | None) -> None:
         """What the tool changer says of the spindle."""

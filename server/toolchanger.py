@@ -6,8 +6,10 @@ job hears of it.
 """
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from datetime import timedelta
+from types import MappingProxyType
 from typing import Any, Protocol
 
 from jobs.effects import Effect, ToolAsk
@@ -38,11 +40,13 @@ from protocol.iocontrol.events import (
     Transition,
     WaitingFor,
 )
-from protocol.iocontrol.pins import PinError
+from protocol.iocontrol.pins import PINS, Pin, PinError
+from server.clock import Clock
 from server.dbthread import Db
-from server.hub import Hub
+from server.hub import Hub, rfc3339
 from server.problems import ProblemError
 from server.toolchangerconfig import ToolchangerConfig
+from server.toolviews import io_view, table_of, table_view
 
 LEVELS = {"notice": "warning", "wanted": "info", "error": "error"}
 """Of a message to people, as the log has them."""
@@ -86,13 +90,15 @@ class ToolChanger:
         job: Job,
         db: Db,
         hub: Hub,
+        clock: Clock,
         loop: asyncio.AbstractEventLoop,
     ) -> None:
         self.machine = machine
         self.config = config
         self.on_estop: Callable[[], None] = lambda: None
         self.on_tool: Callable[[int | None], None] = lambda _tool: None
-        self._job, self._db, self._hub, self._loop = job, db, hub, loop
+        self._job, self._db, self._hub, self._clock, self._loop = job, db, hub, clock, loop
+        self._connection: object = None
         self._timer: asyncio.TimerHandle | None = None
         self._draining = False
         self._closed = False
@@ -235,37 +241,47 @@ class ToolChanger:
 
     # --- the changer ------------------------------------------------------------------------------------------
 
-    def drive(self, levels: Mapping[str, object]) -> None:
-        """Levels of inputs. Raises ProblemError."""
-        with self._verb() as now, refusing():
-            self.io.set_inputs(levels, now)
+    def drive(self, levels: Mapping[str, object], by: object = None) -> None:
+        """Levels of inputs. `by`: the connection over which an external changer says them: its first words are all its
+        levels. Raises ProblemError."""
+        with self._verb() as now, refusing(levels):
+            if by is None or by is self._connection or self.config.kind != "external":
+                self.io.set_inputs(levels, now)
+            else:
+                self.io.connect(levels, now)
+                self._connection = by
 
-    def connect(self, levels: Mapping[str, object]) -> None:
-        """An external changer is there, with all its levels. Raises ProblemError."""
-        with self._verb() as now, refusing():
-            self.io.connect(levels, now)
-
-    def disconnect(self) -> None:
-        """Its connection is gone."""
-        with self._verb() as now:
-            self.io.disconnect(now)
+    def leave(self, by: object) -> None:
+        """A connection has ended: if it was the changer's, the changer is gone."""
+        if by is self._connection:
+            self._connection = None
+            with self._verb() as now:
+                self.io.disconnect(now)
 
     # --- the tool table ---------------------------------------------------------------------------------------
 
-    def set_table(self, table: tooltable.ToolTable | None) -> None:
+    def io_view(self) -> dict[str, Any]:
+        """The pins and what stands behind them."""
+        now_s, now = self._loop.time(), self._clock.now()
+        return io_view(self.io, lambda since_at: rfc3339(now - timedelta(seconds=now_s - since_at)))
+
+    def tools_view(self) -> dict[str, Any]:
+        """The tool table."""
+        return table_view(self.io)
+
+    def replace_table(self, text: str | None, tools: Sequence[dict[str, Any]] | None) -> dict[str, Any]:
         """Another tool table. Raises ProblemError."""
-        try:
-            with self._verb() as now:
-                self.io.set_table(table, now)
-        except LocalError as error:
-            raise ProblemError("wrong_state", f"{self.machine}: {error}.") from error
+        table, warnings = table_of(text, tools, random=self.config.random)
+        with self._verb() as now, refusing():
+            self.io.set_table(table, now)
         self._keep()
         self._job.note("tool_table", tools=0 if table is None else len(table.tools))
+        return table_view(self.io, warnings)
 
     # --- inside -----------------------------------------------------------------------------------------------
 
     @contextmanager
-    def _verb(self) -> Any:
+    def _verb(self) -> Iterator[float]:
         """Around every verb of the block: what it leads to is worked off."""
         try:
             yield self._loop.time()
@@ -418,11 +434,16 @@ class ToolChanger:
 
 
 @contextmanager
-def refusing() -> Any:
-    """A pin that cannot be driven so is a refusal, with what is wrong with it."""
+def refusing(levels: Mapping[str, object] = MappingProxyType({})) -> Iterator[None]:
+    """What the block does not take is a refusal. A pin or a level that does not exist is a wrong request."""
     try:
         yield
-    except PinError as error:
-        raise ProblemError("wrong_state", f"{error}.") from error
     except LocalError as error:
-        raise ProblemError("wrong_state", f"{error}.") from error
+        unknown = isinstance(error, PinError) and any(not _is_level(*item) for item in levels.items())
+        raise ProblemError("invalid_request" if unknown else "wrong_state", f"{error}.") from error
+
+
+def _is_level(pin: str, value: object) -> bool:
+    """Whether there is such a pin that has such levels."""
+    spec = PINS.get(Pin(pin)) if pin in list(Pin) else None
+    return spec is not None and isinstance(value, bool) == (spec.type == "bit")

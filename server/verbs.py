@@ -12,7 +12,21 @@ from server.manual import Make, MakeRealtime
 
 MakeJog = Callable[[Mapping[str, float], float], Make]
 
-COMMON = ("connect", "home", "unlock", "reset", "estop", "pause", "resume", "stop", "jog", "commands", "tool_confirm")
+COMMON = (
+    "connect",
+    "home",
+    "unlock",
+    "reset",
+    "estop",
+    "pause",
+    "resume",
+    "stop",
+    "jog",
+    "commands",
+    "tool_confirm",
+    "io",
+    "tools",
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from server.api.guard import PRINCIPAL_KEY
 from server.api.machines import find
-from server.api.messages import CLIENT_MESSAGE, ROLES, Jog, JogStop, SocketQuery, Subscribe, Verb
+from server.api.messages import CLIENT_MESSAGE, ROLES, Io, Jog, JogStop, SocketQuery, Subscribe, Verb
 from server.api.problems import internal_problem, invalid_request, problem_body, refuse_socket
 from server.api.routing import admit, requires
 from server.api.services import Json, MachineControl, Services
@@ -43,6 +43,8 @@ INTERNAL_ERROR = 1011
 TRY_AGAIN_LATER = 1013
 
 SNAPSHOT_JOBS = 50
+
+Said = Subscribe | Verb | Jog | JogStop | Io
 
 
 async def snapshot(services: Services) -> Json:
@@ -85,6 +87,7 @@ class EventSocket:
         self._held = held
         self._principal = principal
         self._under_way: set[asyncio.Task[None]] = set()
+        self._changing: set[str] = set()
 
     async def run(self, query: SocketQuery) -> None:
         """Serve this reader until it goes or is cut."""
@@ -99,6 +102,8 @@ class EventSocket:
             )
         finally:
             self._held.release_all(self)
+            for machine in self._changing:
+                self._services.changers[machine].leave(self)
             for task in self._under_way:
                 task.cancel()
             hub.unsubscribe(subscription)
@@ -188,7 +193,9 @@ class EventSocket:
         else:
             self._answer_later(id_, answer, subscription)
 
-    def _act(self, message: Subscribe | Verb | Jog | JogStop, subscription: Subscription) -> Awaitable[None] | None:
+    def _act(
+        self, message: Said, subscription: Subscription
+    ) -> Awaitable[None] | None:
         match message:
             case Subscribe():
                 subscription.narrow(message.applied_to(subscription.wanted))
@@ -201,6 +208,10 @@ class EventSocket:
                 return self._held.beat(name, self, message.axes(), message.feed)
             case Jog():
                 return find(self._services, self._machine(message.machine)).jog(message.axes(), message.feed)
+            case Io():
+                machine = self._machine(message.machine)
+                self._changing.add(machine)
+                self._services.changers[machine].drive(message.pins, by=self)
             case JogStop():
                 self._held.release(self._machine(message.machine), self)
         return None
@@ -264,7 +275,7 @@ def _json_object(text: str) -> Json:
     return spoken
 
 
-def _valid(spoken: Json) -> Subscribe | Verb | Jog | JogStop:
+def _valid(spoken: Json) -> Said:
     try:
         return CLIENT_MESSAGE.validate_python(spoken)
     except ValidationError as error:

@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from server import ws
 from server.api import (
     access,
-    capabilities,
+    io,
     jobs,
     machines,
     machinesettings,
@@ -60,6 +60,6 @@ def _routes(services: Services) -> FastAPI:
     )
     problems.install(app)
     system.install(app, services, description)
-    for part in (access, machines, registers, machinesettings, switches, capabilities, programs, jobs, ws):
+    for part in (access, machines, registers, machinesettings, switches, io, programs, jobs, ws):
         part.install(app, services)
     return app

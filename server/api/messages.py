@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
+from server.api.iomodels import Levels
 from server.api.machinemodels import MAX_FEED_MM_MIN, AxisMove
 from server.auth import Role
 from server.hub import DEFAULT_RATE_HZ, TOPICS, Filter
@@ -73,14 +74,25 @@ class JogStop(Spoken):
     machine: MachineName | None = None
 
 
-ClientMessage = Annotated[Subscribe | Verb | Jog | JogStop, Field(discriminator="type")]
-CLIENT_MESSAGE: TypeAdapter[Subscribe | Verb | Jog | JogStop] = TypeAdapter(ClientMessage)
+class Io(Spoken):
+    """Levels of a tool changer's inputs. The first message of a connection makes it the changer, and has all levels;
+    its end is the end of the changer. `connect` says the same in words."""
+
+    type: Literal["io"]
+    machine: MachineName | None = None
+    connect: bool = False
+    pins: Levels
+
+
+ClientMessage = Annotated[Subscribe | Verb | Jog | JogStop | Io, Field(discriminator="type")]
+CLIENT_MESSAGE: TypeAdapter[Subscribe | Verb | Jog | JogStop | Io] = TypeAdapter(ClientMessage)
 
 ROLES: dict[type[Spoken], Role] = {
     Subscribe: Role.VIEWER,
     Verb: Role.OPERATOR,
     Jog: Role.OPERATOR,
     JogStop: Role.OPERATOR,
+    Io: Role.OPERATOR,
 }
 
 
@@ -132,4 +144,6 @@ The client may send, and gets `{"type": "result", "id", "ok"}` for each; refused
 | `{"type": "jog", "machine": "router", "x": 1, "feed": 600, "hold": true}` | operator | move in this direction while \
 the message is repeated at least every 200 ms (better every 100 ms); the distances give the direction only |
 | `{"type": "jog_stop", "machine": "router"}` | operator | end a held jog at once |
+| `{"type": "io", "machine": "router", "pins": {"tool-changed": true}}` | operator | inputs of the tool changer; the \
+first such message of a connection has all of them and makes it the changer, until the connection ends |
 """
