@@ -77,7 +77,10 @@ def _to_switch(core: Core, axis: int) -> float:
 
 
 def _pass(core: Core, axes: tuple[int, ...], approach: bool, length_mm: float, rate: float) -> Task[None]:
-    """One movement: every axis goes at `rate` until its switch closes, or the length is through."""
+    """One movement: every axis goes at `rate` until its switch closes, or the length is through. Each begins at 0, which
+    is what a search that finds nothing leaves behind: 1.5 times the travel, wherever the machine was."""
+    x, y, z = (0.0 if axis in axes else at for axis, at in enumerate(core.stepper.rest))
+    _believe(core, (x, y, z))
     start = core.stepper.rest
     reach = {axis: min(length_mm, max(0.0, _to_switch(core, axis))) if approach else length_mm for axis in axes}
     acceleration = min(core.memory.axes(120)[axis] for axis in axes)

@@ -85,6 +85,16 @@ def test_alarm_9_when_the_switch_is_out_of_reach() -> None:
     assert console.state() == "Alarm"
 
 
+def test_a_search_begins_at_zero_wherever_the_machine_was() -> None:
+    console = Console(dollar=HOMING | {132: 20}, travel={"X": 9.0, "Y": 9.0, "Z": 300.0}, start_position=(-5, -5, -299))
+    console.tell("$X\nG53G0X-4Z-290\n")
+    console.rest()
+    for _ in range(2):
+        console.tell("$H\n")
+        assert console.rest()[0] == "ALARM:9"
+        assert console.place() == (-4.0, 0.0, 30.0)
+
+
 def test_bytes_of_lines_wait_in_the_ring_meanwhile() -> None:
     console = Console(dollar=HOMING)
     console.tell("$H\nG21\nG90\n")
