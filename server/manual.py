@@ -84,7 +84,7 @@ class Manual:
     @property
     def acts(self) -> bool:
         """Something by hand is under way that is more than a question: a reader must not keep a job from beginning."""
-        commands = [one.command for one in (*self._queue, *self._sent.values())]
+        commands = [*(one.command for one in self._queue), *(one.command for one in self._sent.values())]
         return any(not isinstance(command, QUESTIONS) for command in commands)
 
     @property
