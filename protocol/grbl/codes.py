@@ -119,6 +119,9 @@ ERRORS: Final[dict[int, Code]] = {
 
 _HOME: Final = "reset, look for the cause, home again"
 
+HOMING_FAILED: Final = frozenset((6, 7, 8, 9))
+"""Alarms behind which the controller resets itself half a second later: `ok` of `$H`, then the banner."""
+
 ALARMS: Final[dict[int, Code]] = {
     1: Code("hard limit: a switch was hit in motion", _HOME, position_lost=True, needs_reset=True),
     2: Code("soft limit: the move would leave the travel", "reset and unlock; the position is good", needs_reset=True),

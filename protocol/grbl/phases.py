@@ -20,7 +20,7 @@ class Phase(Enum):
     READY = "takes commands, streams, polls"
     STOPPING = "comes to a stand before the reset"
     RESETTING = "has sent the soft reset"
-    RESTARTING = "waits for the banner of a controller that resets itself ($C off, $RST)"
+    RESTARTING = "waits for the banner of a controller that resets itself ($C off, $RST, a failed homing)"
     LOCKED = "has an alarm that leaves nothing but a reset (1, 2)"
     CLOSED = "the link is given up"
 
@@ -58,7 +58,8 @@ OUTCOMES: Final[tuple[tuple[Phase, str, Phase], ...]] = (
     (Phase.READY, "soft reset, emergency stop, an answer is lost", Phase.RESETTING),
     (Phase.ATTENDING, "stop", Phase.STOPPING),
     (Phase.ATTENDING, "soft reset, emergency stop", Phase.RESETTING),
-    (Phase.READY, "ok of $C off, of $RST", Phase.RESTARTING),
+    (Phase.READY, "ok of $C off, of $RST; ALARM:6 to ALARM:9", Phase.RESTARTING),
+    (Phase.ATTENDING, "ALARM:6 to ALARM:9", Phase.RESTARTING),
     (Phase.READY, "ALARM:1, ALARM:2", Phase.LOCKED),
 )
 """The ways that STEPS does not tell. A banner leads from every phase to READING, a soft reset to RESETTING."""

@@ -176,8 +176,12 @@ class Resets(Traffic):
 
     def _restarting(self, now: float) -> None:
         self._fail_batches("restart", None, "the controller resets itself")
-        self._phase = Phase.RESTARTING
         self._settings_read = False
+        self._await_restart(now, position_kept=True)
+
+    def _await_restart(self, now: float, *, position_kept: bool) -> None:
+        """What goes out before its banner may be lost, or may be executed without an answer that counts."""
+        self._phase, self._position_kept = Phase.RESTARTING, position_kept
         self._due["phase"] = now + RESTART_WAIT_S
 
     def _stop(self, reason: Reason, code: int | None, message: str, now: float) -> None:
@@ -203,10 +207,8 @@ class Resets(Traffic):
         if banner.flavour == "grblhal":
             self._flavour = "grblhal"
         asked_for = self._phase in (Phase.RESETTING, Phase.RESTARTING)
-        if self._phase is Phase.RESETTING:
+        if asked_for:
             self._emit(ControllerReset(position_kept=self._position_kept))
-        elif self._phase is Phase.RESTARTING:
-            self._emit(ControllerReset(position_kept=True))
         elif self._ready or self._open_work is not None:
             self._restarted = True
             self._fail_batches("restart", None, "the controller has restarted")
@@ -264,6 +266,9 @@ class Resets(Traffic):
         self._raise_alarm()
         if self._phase is Phase.STOPPING:
             self._stopped(now, parked=True)
+        elif raised.code in codes.HOMING_FAILED and self._phase in (Phase.READY, Phase.ATTENDING):
+            self._await_restart(now, position_kept=False)
+            self._announce()
         elif code.needs_reset and self._phase is not Phase.OPENING:
             self._phase = Phase.LOCKED
             self._due.pop("phase", None)

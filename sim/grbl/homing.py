@@ -77,8 +77,9 @@ def _to_switch(core: Core, axis: int) -> float:
 
 
 def _pass(core: Core, axes: tuple[int, ...], approach: bool, length_mm: float, rate: float) -> Task[None]:
-    """One movement: every axis goes at `rate` until its switch closes, or the length is through. Each begins at 0, which
-    is what a search that finds nothing leaves behind: 1.5 times the travel, wherever the machine was."""
+    """One movement: every axis goes at `rate` until its switch closes, or the length is through.
+
+    Each begins at 0: a search that finds nothing ends at 1.5 times the travel, wherever the machine was."""
     x, y, z = (0.0 if axis in axes else at for axis, at in enumerate(core.stepper.rest))
     _believe(core, (x, y, z))
     start = core.stepper.rest

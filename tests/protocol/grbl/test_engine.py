@@ -676,6 +676,18 @@ class TestAlarms:
         scene.say("ALARM:9")
         assert scene.take(CommandFailed)[0].token == 3
 
+    @pytest.mark.parametrize("code", [6, 7, 8, 9])
+    def test_a_failed_homing_is_over_with_the_banner(self, code: int) -> None:
+        scene = ready()
+        scene.engine.submit(Home(3), scene.now)
+        scene.sent()
+        scene.say(f"ALARM:{code}")
+        assert scene.take(StateReported)[-1].alarm.code == code  # type: ignore[union-attr]
+        assert scene.engine.free() == 0, "$X would be lost in the reset that follows, or executed behind our back"
+        scene.say("ok", "", BANNER)
+        assert [event.position_kept for event in scene.take(ControllerReset)] == [False]
+        assert scene.take(MachineRestarted) == [], "it did not restart on its own"
+
     def test_an_alarm_before_this_epoch_has_no_number_or_tells_it_as_substate(self) -> None:
         scene = ready()
         scene.poll(ALARM)
