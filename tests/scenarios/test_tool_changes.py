@@ -4,6 +4,7 @@ What the changer sees is what goes over the API; it is the virtual one (sim/chan
 """
 
 import asyncio
+import json
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,13 @@ import pytest
 
 from server.app import Workshop
 from server.controller import Controller
+from server.hub import Filter
+from server.problems import ProblemError
 from tests.harness.grblworkshop import GrblBench
 from tests.harness.simloop import run_simulated
 from tests.harness.workshop import MACHINE, Bench
 
 PROGRAM = "G21\nG90\nG1 X1 F3000\nT1 M6\nG1 X2\nT2\nM6\nG1 X3\nT3 M6\nX4\nM30\n"
-POSITION = ["G53 G0 Z-2", "G53 G0 X-1 Y-1"]
 
 Story = Callable[[Any, Workshop, Controller], Awaitable[None]]
 
@@ -91,3 +93,50 @@ def test_a_grbl_is_never_sent_m6_and_gets_its_modes_back(tmp_path: Path) -> None
         ]
 
     told(bench_of("grbl", tmp_path, kind="loopback", change_position=["G53G0Z-2", "G53G0X-1Y-1"]), story)
+
+
+@pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
+def test_m6_without_a_t_word_names_the_line_and_nothing_moves(tmp_path: Path, protocol: str) -> None:
+    async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
+        job = await bench.job("G21\nG90\nG1 X1 F3000\nM6\nG1 X2\nM30\n")
+        view = await bench.status(job["id"], "failed", "completed", "waiting")
+        assert view["error"]["code"] == "no_tool_word"
+        assert "Line 4" in view["error"]["message"]
+        assert [block for block in bench.executed() if block in ("M6", "M5", "G1X2", "X2")] == []
+
+    told(bench_of(protocol, tmp_path, kind="loopback"), story)
+
+
+def test_m61_says_which_tool_is_in_and_is_not_sent_to_a_grbl(tmp_path: Path) -> None:
+    async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
+        job = await bench.job("G21\nG90\nM61 Q5\nG1 X1 F3000\nT5 M6\nG1 X2\nM30\n")
+        view = await bench.status(job["id"], "completed", "failed", "waiting")
+        assert view["status"] == "completed", "the tool is in the spindle: nobody is asked"
+        assert "G4P0" in bench.executed()
+        assert not any("M6" in block for block in bench.executed())
+        (changed,) = await history(shop, job["id"], "tool_changed")
+        assert (changed["tool"], changed["skipped"]) == (5, True)
+
+    told(bench_of("grbl", tmp_path), story)
+
+
+def test_coolant_pins_follow_the_program(tmp_path: Path) -> None:
+    async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
+        reader = shop.hub.subscribe(Filter(topics=frozenset({"io"})))
+        job = await bench.job("G21\nG90\nM8\nG1 X1 F3000\nM9\nG1 X2\nM30\n")
+        await bench.status(job["id"], "completed", "failed")
+        said = [json.loads(text)["data"]["pins"] for text in reader._waiting]
+        assert [pins["coolant-flood"] for pins in said if "coolant-flood" in pins] == [True, False]
+
+    told(bench_of("grbl", tmp_path), story)
+
+
+@pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
+def test_without_a_changer_m6_does_not_pass_the_check(tmp_path: Path, protocol: str) -> None:
+    async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
+        with pytest.raises(ProblemError) as refused:
+            await bench.job(PROGRAM)
+        assert refused.value.code == "preflight_failed"
+        assert refused.value.extra["report"]["errors"][0]["code"] == "no_tool_changer"
+
+    told(bench_of(protocol, tmp_path, kind="none"), story)
