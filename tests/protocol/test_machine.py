@@ -125,3 +125,9 @@ class TestGrbl:
         state = reduce(state, StateReported("tool", {}, frame="machine"))
         assert state.tool_requested == 2
         assert reduce(state, StateReported("idle", {}, frame="machine", tool=2)).tool_requested is None
+
+
+def test_a_complete_report_forgets_the_axes_that_it_does_not_name():
+    state = reduce(MachineState(), StateReported("idle", {"x": 1.0, "z": 2.0}))
+    assert reduce(state, StateReported("idle", {"x": 3.0})).position == {"x": 3.0, "z": 2.0}
+    assert reduce(state, StateReported("alarm", {}, complete=True)).work_position == {}

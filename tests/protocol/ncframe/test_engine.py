@@ -13,6 +13,7 @@ from protocol.commands import (
     ListFiles,
     Locate,
     SendBatch,
+    SetPosition,
     Stop,
 )
 from protocol.errors import LocalError
@@ -688,3 +689,31 @@ def test_any_bytes_at_any_time_raise_nothing(bursts: list[tuple[bytes, float]], 
             scene.batch("X1", "Z2")
         scene.engine.receive_data(data, scene.now)
         scene.wait(wait_s)
+
+
+# --- where it stands --------------------------------------------------------------------------------------------------
+
+
+def test_somebody_says_where_it_stands_and_nothing_goes_out() -> None:
+    scene = ready()
+    assert scene.submit(SetPosition(5, {"x": 10.0})) == b""
+    (report,) = scene.take(StateReported)
+    assert (report.position, report.complete) == ({"x": 10.0}, True)
+    assert scene.take(CommandDone) == [CommandDone(5)]
+    assert scene.engine.free() == 1
+
+
+def test_in_alarm_the_position_is_not_taken() -> None:
+    scene = ready()
+    scene.say("CAN")
+    scene.log.clear()
+    scene.submit(SetPosition(5, {"x": 10.0}))
+    assert [type(event) for event in scene.log] == [CommandFailed]
+
+
+def test_a_stop_ends_a_hold() -> None:
+    scene = ready()
+    scene.press(FeedHold(1))
+    assert scene.take(StateReported)[-1].status == "hold"
+    scene.press(Stop(2))
+    assert scene.take(StateReported)[-1].status == "idle"
