@@ -56,11 +56,19 @@ FOR_PEOPLE = frozenset({"operator", "tool-changed", "verdict"})
 
 ABORTS: Mapping[str, AbortReason] = {
     **dict.fromkeys(
-        ("alarm", "machine_error", "machine_restarted", "machine_reset", "lines_refused"),
+        ("alarm", "machine_error", "machine_restarted", "machine_reset", "lines_refused", "check_mode"),
         AbortReason.MOTION_OR_IO_ERROR,
     ),
     **dict.fromkeys(
-        ("in_doubt", "break_too_long", "not_plannable", "program_missing", "no_tool_word", "tool_change_failed"),
+        (
+            "in_doubt",
+            "link_lost",
+            "break_too_long",
+            "not_plannable",
+            "program_missing",
+            "no_tool_word",
+            "tool_change_failed",
+        ),
         AbortReason.TASK_EXEC_ERROR,
     ),
 }
@@ -101,7 +109,7 @@ class ToolChanger:
         self._connection: object = None
         self._timer: asyncio.TimerHandle | None = None
         self._draining = False
-        self._closed = False
+        self._closed = self._ending = False
         self._pins: dict[str, bool | int] = {}
         self._step = 0
         self._again: tuple[int, int | None] | None = None
@@ -118,6 +126,7 @@ class ToolChanger:
 
     def close(self) -> None:
         """The daemon ends."""
+        self._ending = True  # a job that waits for a tool waits again when the daemon is back
         if self.io.may_fail or self._job.active_job is not None:
             self.abort(AbortReason.STATE_OFF, "the daemon is being stopped")
         self._closed = True
@@ -398,7 +407,8 @@ class ToolChanger:
         self._fail_job(event.message, goes_on=event.goes_on)
 
     def _fail_job(self, message: str, *, goes_on: bool) -> None:
-        self._job.hear_changer(lambda runner: runner.tool_failed(message, goes_on=goes_on))
+        if not self._ending:
+            self._job.hear_changer(lambda runner: runner.tool_failed(message, goes_on=goes_on))
 
     def _waiting(self, event: WaitingFor) -> None:
         if event.overdue:

@@ -11,12 +11,16 @@ from typing import Any
 
 import pytest
 
+from jobs.job import ERROR_CODES
 from server.app import Workshop
 from server.controller import Controller
 from server.hub import Filter
 from server.problems import ProblemError
+from server.toolchanger import ABORTS
+from sim.elvinto.settings import SimSettings as SimSettingsElvinto
+from sim.grbl.simsettings import SimSettings
 from tests.harness.grblworkshop import GrblBench
-from tests.harness.simloop import run_simulated
+from tests.harness.simloop import run_simulated, until
 from tests.harness.workshop import MACHINE, Bench
 
 PROGRAM = "G21\nG90\nG1 X1 F3000\nT1 M6\nG1 X2\nT2\nM6\nG1 X3\nT3 M6\nX4\nM30\n"
@@ -140,3 +144,62 @@ def test_without_a_changer_m6_does_not_pass_the_check(tmp_path: Path, protocol: 
         assert refused.value.extra["report"]["errors"][0]["code"] == "no_tool_changer"
 
     told(bench_of(protocol, tmp_path, kind="none"), story)
+
+
+def test_a_grblhal_whose_tools_somebody_else_changes_is_not_sent_m6(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = GrblBench(
+            tmp_path,
+            settings=SimSettings(flavour="grblHAL"),
+            grbl={"firmware": "grblhal"},
+            options={"toolchanger": {"kind": "loopback"}},
+        )
+        await bench.connected()
+        job = await bench.job(PROGRAM)
+        view = await bench.status(job["id"], "completed", "failed", "waiting")
+        assert view["status"] == "completed", view
+        assert not any("M6" in block for block in bench.executed())
+        await bench.shop.stop()  # type: ignore[union-attr]
+
+    run_simulated(main())
+
+
+def test_a_tool_of_a_program_on_the_card_is_asked_for_and_confirmed(tmp_path: Path) -> None:
+    async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
+        await router.run_file("part.nc")
+        await until(lambda: router.tools.io.may_confirm, within_s=30)
+        assert router.tools.io.waiting_for.tool == 4
+        await router.confirm_tool()
+        assert (router.tools.io.tool, router.state_view()["tool"]) == (4, 4)
+
+    bench = Bench(tmp_path, SimSettingsElvinto(sd_files={"part.nc": b"G90\nG1 X1 F600\nT4 M6\nG1 X2\nM30\n"}))
+    told(bench, story)
+
+
+def test_a_daemon_that_stops_tells_the_changer_why(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = bench_of("elvinto", tmp_path)
+        shop = await bench.connected()
+        router = shop.machines[MACHINE]
+        job = await bench.job(PROGRAM)
+        await bench.status(job["id"], "waiting")
+        await shop.stop()
+        pins = {pin.name: pin.value for pin in router.tools.io.pins()}
+        assert pins["emc-reason"] == 4
+        bench.cable.drop()
+        bench.shop = None
+        shop = await bench.connected()
+        view = await shop.jobs.get(job["id"])
+        assert (view["status"], view["tool"]) == ("waiting", 1), "it outlives the daemon"
+        await asyncio.sleep(5)
+        await shop.machines[MACHINE].confirm_tool()
+        await bench.status(job["id"], "waiting")
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_every_error_that_ends_a_job_tells_a_changer_something() -> None:
+    """An e-stop has its own way, and what was only checked or never began has asked nothing of a changer."""
+    apart = {"estop", "line_refused", "cancelled_in_doubt", "preflight_failed"}
+    assert set(ABORTS) == set(ERROR_CODES) - apart
