@@ -18,10 +18,11 @@ import { PlotsPage } from "./telemetry/page.js";
 import { ProgramsPage } from "./programs/page.js";
 import { SettingsSections } from "./settings/sections.js";
 import { SignIn } from "./parts/signin.js";
+import { ToolsPage } from "./tools/page.js";
 import { StatusBand } from "./machine/band.js";
 
 /** @type {Record<string, () => unknown>} */
-const VIEWS = { machine: MachinePage, programs: ProgramsPage, jobs: JobsPage, plots: PlotsPage, console: ConsolePage, card: CardPage,
+const VIEWS = { machine: MachinePage, programs: ProgramsPage, jobs: JobsPage, plots: PlotsPage, console: ConsolePage, card: CardPage, tools: ToolsPage,
   settings: SettingsSections };
 
 const present = computed(() => machine.value !== null);

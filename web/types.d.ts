@@ -127,6 +127,35 @@ export interface Setting {
   bits: { bit: number; name: string; on: boolean | null }[];
 }
 
+export interface Pin {
+  name: string;
+  type: "bit" | "s32";
+  direction: "in" | "out";
+  value: boolean | number;
+  since: string;
+  valid: boolean;
+  drivable: boolean;
+}
+
+export interface Io {
+  kind: string;
+  state: string;
+  estop: string;
+  connected: boolean;
+  tool: number | null;
+  prepared: number | null;
+  faulted: boolean;
+  parameters: Record<string, number>;
+  waiting_for: string | null;
+  waiting_tool: number | null;
+  overdue: boolean;
+  may_confirm: boolean;
+  may_fail: boolean;
+  may_clear_fault: boolean;
+  refusal: string | null;
+  pins: Pin[];
+}
+
 export interface Finding {
   line: number;
   column: number;

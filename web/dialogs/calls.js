@@ -9,6 +9,7 @@ import { onJob, verb } from "../state/actions.js";
 import { activeJob } from "../state/reduce.js";
 import { against, can, chosen, live, world } from "../state/store.js";
 import { go, route, to } from "../lib/router.js";
+import { ToolAnswers } from "../tools/answers.js";
 import { Button } from "../parts/button.js";
 import { Dialog } from "../parts/dialog.js";
 import { Icon } from "../parts/icon.js";
@@ -84,6 +85,7 @@ function Answers({ call }) {
       <${Button} name="call-unlock" kind="primary" icon="unlock" label=${t("service.unlock")} reason=${against("unlock")}
         onPress=${() => verb("unlock")} />`;
   }
+  if (call.kind === "tool" && can("io")) return html`<${ToolAnswers} machine=${call.machine} stop=${stop} />`;
   return html`${stop}<${Button} name="call-confirm" kind="go" icon="run"
     label=${t(call.kind === "tool" ? "call.tool_in" : "call.go_on")}
     reason=${against("confirm")} onPress=${() => verb("tool/confirm")} />`;

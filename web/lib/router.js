@@ -5,7 +5,7 @@ import { signal } from "./ui.js";
 
 /** @typedef {{machine: string | null, page: string, id: string | null, query: URLSearchParams}} Route */
 
-export const PAGES = ["machine", "programs", "jobs", "plots", "console", "card", "settings"];
+export const PAGES = ["machine", "programs", "jobs", "plots", "console", "card", "tools", "settings"];
 
 /** @param {string} hash @returns {Route} */
 export function parse(hash) {

@@ -30,8 +30,11 @@ export const daemon = new Connection({
   onStatus: (status) => watchers.forEach((watch) => watch(status)),
 });
 
-/** @param {(message: any) => void} listen */
-export const onMessage = (listen) => listeners.add(listen);
+/** Returns how to stop listening. @param {(message: any) => void} listen @returns {() => void} */
+export function onMessage(listen) {
+  listeners.add(listen);
+  return () => { listeners.delete(listen); };
+}
 /** @param {(status: import("./socket.js").Status) => void} watch */
 export const onStatus = (watch) => watchers.add(watch);
 

@@ -62,9 +62,9 @@ const signOut = () => attempt(async () => {
 });
 
 /** @type {Record<string, string>} */
-const TAB_ICONS = { machine: "gauge", programs: "file", jobs: "list", plots: "chart", console: "terminal", card: "card", settings: "sliders" };
+const TAB_ICONS = { machine: "gauge", programs: "file", jobs: "list", plots: "chart", console: "terminal", card: "card", tools: "tool", settings: "sliders" };
 /** Pages that need something of the controller. @type {Record<string, string>} */
-const NEEDS = { card: "sd", settings: "settings" };
+const NEEDS = { card: "sd", tools: "io", settings: "settings" };
 
 export function Tabs() {
   return html`<nav class="tabs" aria-label=${t("tab.title")}>
