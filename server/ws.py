@@ -193,9 +193,7 @@ class EventSocket:
         else:
             self._answer_later(id_, answer, subscription)
 
-    def _act(
-        self, message: Said, subscription: Subscription
-    ) -> Awaitable[None] | None:
+    def _act(self, message: Said, subscription: Subscription) -> Awaitable[None] | None:
         match message:
             case Subscribe():
                 subscription.narrow(message.applied_to(subscription.wanted))
