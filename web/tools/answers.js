@@ -4,7 +4,7 @@
 import { html } from "../lib/ui.js";
 import { t } from "../lib/i18n.js";
 import { verb } from "../state/actions.js";
-import { against, can } from "../state/store.js";
+import { against } from "../state/store.js";
 import { Button } from "../parts/button.js";
 import { useIo } from "./io.js";
 
@@ -12,14 +12,13 @@ import { useIo } from "./io.js";
 export function ToolAnswers({ machine, stop }) {
   const { io } = useIo(machine);
   if (!io) return html`${stop}`;
-  // The changer has given up, but the controller still asks: it may get its tool all the same, or forget what it wanted.
+  // The changer has given up, but the controller still asks: it is told that a tool is in, and stands.
   const left = io.waiting_for === null;
   return html`<div class="tool-answers">
     ${!io.may_confirm && io.waiting_for && html`<p class="hint" data-name="call-changer">${t(io.connected ? "tools.changer_works" : "tools.changer_away", { pin: io.waiting_for })}</p>`}
     ${io.overdue && html`<p class="problem">${t("tools.overdue")}</p>`}
     <div class="row end">${stop}
       ${io.may_fail && html`<${Button} name="call-fail" kind="end" label=${t("tools.fail")} reason=${against("operate")} onPress=${() => verb("tool/fail")} />`}
-      ${left && can("reset") && html`<${Button} name="call-reset" icon="reset" label=${t("service.reset")} reason=${against("reset")} onPress=${() => verb("reset")} />`}
       ${(io.may_confirm || left) && html`<${Button} name="call-confirm" kind="go" icon="run" label=${t("call.tool_in")} reason=${against("confirm")}
         onPress=${() => verb("tool/confirm")} />`}</div></div>`;
 }
