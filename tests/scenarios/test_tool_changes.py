@@ -13,10 +13,10 @@ import pytest
 
 from jobs.job import ERROR_CODES
 from server.app import Workshop
+from server.changershell import ABORTS
 from server.controller import Controller
 from server.hub import Filter
 from server.problems import ProblemError
-from server.toolchanger import ABORTS
 from sim.elvinto.settings import SimSettings as SimSettingsElvinto
 from sim.grbl.simsettings import SimSettings
 from tests.harness.grblworkshop import GrblBench
