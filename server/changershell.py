@@ -1,8 +1,8 @@
 """The shell around the I/O control block of one machine: its one timer, its events, what the job and the machine want.
 
 Not the handshake (protocol/iocontrol), not the dialogue with a job (jobs/toolchange.py), not what people and the
-changer say (toolchanger.py). The one rule: after every verb all events are taken before anything else happens, and what is a
-fact of the tools is durable before the job hears of it.
+changer say (toolchanger.py). The one rule: after every verb all events are taken before anything else happens, and
+what is a fact of the tools is durable before the job hears of it.
 """
 
 import asyncio
