@@ -74,7 +74,7 @@ def test_values_are_read(file: Path) -> None:
         ),
         (
             MACHINE + 'protocol = "smoke"\n',
-            'FILE: machine[0].protocol (machine "mill-1") = "smoke": allowed is "elvinto" or "grbl"',
+            'FILE: machine[0].protocol (machine "mill-1") = "smoke": allowed is "elvinto" or "grbl" or "ncframe"',
         ),
         (
             MACHINE + "[machine.motion]\nmax_rate = { x = 0 }\n",

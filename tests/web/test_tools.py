@@ -12,6 +12,7 @@ pytestmark = pytest.mark.real
 
 
 def program(tool: int) -> str:
+    """The daemon is shared by tests, and a tool that is in already is not asked for: numbers that no other test has."""
     return f"G21 G90\nG0 Z1\nT{tool} M6\n" + "".join(f"G1 X{i % 3} F900\n" for i in range(9)) + "M30\n"
 
 
@@ -20,21 +21,21 @@ def test_a_change_that_fails_ends_the_job_and_one_that_is_done_lets_it_go_on(
 ) -> None:
     one = screens(mill.url)
     one.go("mill/tools")
-    failed = mill.job(program(7))
-    expect(one.named("call")).to_contain_text("Put in tool 7")
+    failed = mill.job(program(71))
+    expect(one.named("call")).to_contain_text("Put in tool 71")
     expect(one.page.locator("[data-pin=tool-change]")).to_have_class("on ")
     expect(one.named("tools-waiting")).not_to_contain_text("–")
     one.press("call-fail")
     mill.status(failed, "failed")
     one.press("call-confirm")  # the controller itself still asks for its tool
     expect(one.named("call")).to_have_count(0)
-    done = mill.job(program(8))
-    expect(one.named("call")).to_contain_text("Put in tool 8")
+    done = mill.job(program(72))
+    expect(one.named("call")).to_contain_text("Put in tool 72")
     one.press("call-confirm")
     expect(one.named("call")).to_have_count(0)
     mill.status(done, "completed")
-    expect(one.named("tools-spindle")).to_contain_text("T8")
-    expect(one.page.locator("[data-pin=tool-number] b")).to_have_text("8")
+    expect(one.named("tools-spindle")).to_contain_text("T72")
+    expect(one.page.locator("[data-pin=tool-number] b")).to_have_text("72")
 
 
 def test_the_tool_in_the_spindle_can_be_said_and_the_table_be_kept(
