@@ -205,7 +205,10 @@ def _positions(
 
 def tool_confirmed(state: MachineState) -> MachineState:
     """The operator has put in the requested tool."""
-    if state.tool_requested is None:
-        return state
+    return state if state.tool_requested is None else tool_is(state, state.tool_requested)
+
+
+def tool_is(state: MachineState, number: int | None) -> MachineState:
+    """This is the tool in the spindle, None: nobody knows; nothing is asked for any more."""
     status: Status = "idle" if state.status == "tool" else state.status
-    return replace(state, status=status, tool=state.tool_requested, tool_requested=None)
+    return replace(state, status=status, tool=number, tool_requested=None)

@@ -312,10 +312,10 @@ class ChangerShell:
         self._keep()
         data: dict[str, Any] = {"tool": number, "cause": event.cause, "reason": event.reason, "goes_on": event.goes_on}
         self._job.note("tool_change_failed", line=event.line, message=event.message, **data)
-        if self.io.tool is None:
-            self.on_tool(None)
         if event.cause == "superseded":
             return
+        if isinstance(event, ChangeFailed) or self.io.tool is None:
+            self.on_tool(self.io.tool)  # what the controller had asked for does not come
         self._aborted_by_itself = not event.goes_on
         self._fail_job(event.message, goes_on=event.goes_on)
 

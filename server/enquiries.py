@@ -250,7 +250,7 @@ class Enquiries:
         return answer
 
     async def _stand(self) -> None:
-        """Until a report that was asked for now says idle, or it takes too long; whoever asks next is told then."""
+        """Until a fresh report says idle, or it takes too long; whoever asks next is told then."""
         with suppress(ProblemError):  # the block is stored; that too many others ask is for the next question to say
             for _ in range(round(ANSWERED_WITHIN_S / LOOK_EVERY_S)):
                 await asyncio.wait([self._controller.ask(Locate)], timeout=HANDED_OVER_WITHIN_S)

@@ -7,7 +7,6 @@ Not the wire (protocol), not the job's logic (jobs/runner.py), not HTTP. The one
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any, Protocol
 
 from jobs.toolstore import KeptTools
@@ -34,7 +33,7 @@ from protocol.events import (
     ToolRequested,
 )
 from protocol.iocontrol.config import AbortReason
-from protocol.machine import MachineState, reduce, tool_confirmed
+from protocol.machine import MachineState, reduce, tool_is
 from server.clock import Clock, stamp
 from server.config import MachineConfig
 from server.dbthread import Db
@@ -329,9 +328,8 @@ class Machine:
 
     def _tool_is(self, number: int | None) -> None:
         """What the tool changer says of the spindle."""
-        if number is not None:
-            self.state = tool_confirmed(replace(self.state, tool_requested=number))
-            self._publish_state()
+        self.state = tool_is(self.state, number)
+        self._publish_state()
 
     def _publish_state(self) -> None:
         self._state_seq += 1

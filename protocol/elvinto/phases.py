@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Literal
 
+from protocol import statepage
 from protocol.commands import Position, SendBatch
 from protocol.elvinto.codec import encode_gcode, encode_message
 from protocol.events import StateReported
@@ -149,31 +150,16 @@ class Flight:
 
 def page() -> str:
     """docs/elvinto-phases.md: the table and its diagram."""
-    rows = [f"| {phase.name} | {phase.value} | {_sends(phase)} |" for phase in Phase]
     arrows = [(phase, f"answered ({step.awaits})", step.then) for phase, step in STEPS.items() if step.then != phase]
     arrows += [(phase, "silence", step.on_silence) for phase, step in STEPS.items()]
-    arrows += OUTCOMES
-    lines = sorted({f"    {before.name} --> {after.name}: {why}" for before, why, after in arrows})
-    return "\n".join(
-        (
-            "# The phases of the ElVinto engine",
-            "",
-            "Made from the tables in `protocol/elvinto/phases.py` by `python -m protocol.elvinto.phases`;",
-            "a test keeps it true.",
-            "An emergency stop leads from every phase to IDLE (in alarm), an unasked READY to INIT.",
-            "",
-            "| phase | what the engine does | what it sends |",
-            "| --- | --- | --- |",
-            *rows,
-            "",
-            "```mermaid",
-            "stateDiagram-v2",
-            "    [*] --> INIT: no job is open",
-            "    [*] --> PROBE: a job is open",
-            *lines,
-            "```",
-            "",
-        )
+    return statepage.page(
+        engine="ElVinto",
+        module="protocol.elvinto.phases",
+        notes=["An emergency stop leads from every phase to IDLE (in alarm), an unasked READY to INIT."],
+        columns=["phase", "what the engine does", "what it sends"],
+        rows=[(phase.name, phase.value, _sends(phase)) for phase in Phase],
+        begins=["INIT: no job is open", "PROBE: a job is open"],
+        arrows=[*arrows, *OUTCOMES],
     )
 
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, Literal
 
+from protocol import statepage
+
 
 class Phase(Enum):
     """What an engine is doing; exactly one at a time."""
@@ -79,41 +81,31 @@ GATES: Final[dict[str, str]] = {
 
 def page() -> str:
     """docs/grbl-phases.md: the table and its diagram."""
-    rows = [
-        f"| {phase.name} | {phase.value} | {f'`{step.sends}`' if step.sends else ''} | {step.awaits} "
-        f"| {'counted' if step.counts else 'ignored'} |"
-        for phase, step in STEPS.items()
-    ]
-    arrows = [(phase, step.awaits, step.then) for phase, step in STEPS.items() if step.then is not None]
-    arrows += [(phase, "silence", step.on_silence) for phase, step in STEPS.items() if step.on_silence is not None]
-    arrows += OUTCOMES
-    lines = sorted({f"    {before.name} --> {after.name}: {why}" for before, why, after in arrows})
-    return "\n".join(
-        (
-            "# The phases of the Grbl engine",
-            "",
-            "Made from the tables in `protocol/grbl/phases.py` by `python -m protocol.grbl.phases`;",
-            "a test keeps it true.",
-            "A banner leads from every phase to READING, a soft reset by hand to RESETTING.",
-            "",
-            "| phase | what the engine does | what it sends | what it waits for | ok and error |",
-            "| --- | --- | --- | --- | --- |",
-            *rows,
-            "",
-            "```mermaid",
-            "stateDiagram-v2",
-            "    [*] --> OPENING: the board resets on open",
-            "    [*] --> ASKING: it does not",
-            *lines,
-            "```",
-            "",
+    return statepage.page(
+        engine="Grbl",
+        module="protocol.grbl.phases",
+        notes=["A banner leads from every phase to READING, a soft reset by hand to RESETTING."],
+        columns=["phase", "what the engine does", "what it sends", "what it waits for", "ok and error"],
+        rows=[
+            (
+                phase.name,
+                phase.value,
+                f"`{step.sends}`" if step.sends else "",
+                step.awaits,
+                "counted" if step.counts else "ignored",
+            )
+            for phase, step in STEPS.items()
+        ],
+        begins=["OPENING: the board resets on open", "ASKING: it does not"],
+        arrows=statepage.arrows_of(STEPS, OUTCOMES),
+        behind=[
             "While READY, lines of a job wait as long as any of these holds:",
             "",
             "| gate | why |",
             "| --- | --- |",
             *(f"| {name} | {why} |" for name, why in GATES.items()),
             "",
-        )
+        ],
     )
 
 

@@ -187,5 +187,4 @@ def described(said: SettingDescription) -> Setting:
     return Setting(said.name, said.unit, kind, low, high, meaning, grblhal=True, bits=bits, choices=choices)
 
 
-REPORT_INCHES: Final = 13
 STEPS_PER_MM: Final = 100

@@ -33,7 +33,6 @@ COUNTS_MOST: Final = (1 << 23) - 1
 """X, Z and R: 24 bits, two's complement."""
 BYTE_MOST: Final = 255
 """F, S and T."""
-FRAME_BYTES_MOST: Final = 15
 
 CRC8_POLYNOMIAL: Final = 0x07
 

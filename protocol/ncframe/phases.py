@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final, Literal
 
+from protocol import statepage
 from protocol.commands import Position, SendBatch
 from protocol.ncframe.codec import Frame
 
@@ -144,33 +145,14 @@ READ: Final = {True: "whole, after a silence", False: "byte by byte"}
 
 def page() -> str:
     """docs/ncframe-phases.md: the table and its diagram."""
-    rows = [
-        f"| {phase.name} | {phase.value} | {step.sends} | {step.awaits} | {READ[step.waits]} |"
-        for phase, step in STEPS.items()
-    ]
-    arrows = [(phase, step.awaits, step.then) for phase, step in STEPS.items() if step.then is not None]
-    arrows += [(phase, "silence", step.on_silence) for phase, step in STEPS.items() if step.on_silence is not None]
-    arrows += OUTCOMES
-    lines = sorted({f"    {before.name} --> {after.name}: {why}" for before, why, after in arrows})
-    return "\n".join(
-        (
-            "# The phases of the NC frame engine",
-            "",
-            "Made from the tables in `protocol/ncframe/phases.py` by `python -m protocol.ncframe.phases`;",
-            "a test keeps it true.",
-            "CAN from the machine leads from every phase to IDLE, in alarm; an emergency stop leads to ABORT.",
-            "",
-            "| phase | what the engine does | what it sends | what it waits for | how answers are read |",
-            "| --- | --- | --- | --- | --- |",
-            *rows,
-            "",
-            "```mermaid",
-            "stateDiagram-v2",
-            "    [*] --> GREET",
-            *lines,
-            "```",
-            "",
-        )
+    return statepage.page(
+        engine="NC frame",
+        module="protocol.ncframe.phases",
+        notes=["CAN from the machine leads from every phase to IDLE, in alarm; an emergency stop leads to ABORT."],
+        columns=["phase", "what the engine does", "what it sends", "what it waits for", "how answers are read"],
+        rows=[(phase.name, phase.value, step.sends, step.awaits, READ[step.waits]) for phase, step in STEPS.items()],
+        begins=["GREET"],
+        arrows=statepage.arrows_of(STEPS, OUTCOMES),
     )
 
 

@@ -71,6 +71,24 @@ def test_three_changes_by_a_person(tmp_path: Path, protocol: str) -> None:
 
 
 @pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
+def test_a_change_that_a_person_gives_up_is_asked_for_no_more(tmp_path: Path, protocol: str) -> None:
+    async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
+        job = await bench.job(PROGRAM)
+        await bench.status(job["id"], "waiting")
+        router.tools.fail()
+        view = await bench.status(job["id"], "failed", within_s=10.0)
+        assert view["error"]["code"] == "tool_change_failed"
+        await asyncio.sleep(10)
+        state = router.state_view()
+        assert (state["status"], state["tool_requested"], state["tool"]) == ("idle", None, 0)
+        with pytest.raises(ProblemError) as refused:
+            await router.confirm_tool()
+        assert refused.value.code == "wrong_state"
+
+    told(bench_of(protocol, tmp_path), story)
+
+
+@pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
 def test_three_changes_with_jumpers_stop_for_nobody(tmp_path: Path, protocol: str) -> None:
     async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
         job = await bench.job(PROGRAM)

@@ -27,8 +27,8 @@ def test_a_change_that_fails_ends_the_job_and_one_that_is_done_lets_it_go_on(
     expect(one.named("tools-waiting")).not_to_contain_text("–")
     one.press("call-fail")
     mill.status(failed, "failed")
-    one.press("call-confirm")  # the controller itself still asks for its tool
     expect(one.named("call")).to_have_count(0)
+    one.status("idle")
     done = mill.job(program(72))
     expect(one.named("call")).to_contain_text("Put in tool 72")
     one.press("call-confirm")

@@ -6,8 +6,8 @@ import { coordinate } from "../lib/format.js";
 import { number, t } from "../lib/i18n.js";
 import { beyond } from "./place.js";
 
-/** @param {{found: import("./reader.js").Found, reach: import("./place.js").Box | null, simplified: boolean}} props */
-export function Facts({ found, reach, simplified }) {
+/** @param {{found: import("./reader.js").Found, reach: import("./place.js").Box | null, coarse: boolean}} props */
+export function Facts({ found, reach, coarse }) {
   const outside = reach ? beyond(found.bounds, reach) : [];
   return html`<div class="path-facts">
     <dl>${found.bounds.map((range, axis) => range && html`<div key=${axis} data-axis=${"xyz"[axis]}><dt>${"XYZ"[axis]}</dt>
@@ -16,6 +16,6 @@ export function Facts({ found, reach, simplified }) {
     ${reach && html`<p class=${outside.length ? "problem" : "hint"} data-name="reach">${outside.length
       ? t("preview.beyond", { axes: outside.map((axis) => axis.toUpperCase()).join(", ") }) : t("preview.within")}</p>`}
     ${found.turning.length > 0 && html`<p class="hint">${t("preview.turning", { axes: found.turning.join(", ") })}</p>`}
-    ${simplified && html`<p class="hint" data-name="simplified">${t("preview.simplified")}</p>`}
+    ${coarse && html`<p class="hint" data-name="coarse">${t("preview.coarse")}</p>`}
   </div>`;
 }

@@ -54,7 +54,7 @@ export function View({ program, name }) {
       ${!found && html`<p class="empty">${t("preview.reading")}</p>`}</div>
     ${found && reader && html`${!blind && html`<${Filters} tools=${found.tools} heights=${found.heights} wish=${wish}
         onWish=${(/** @type {import("./path.js").Wish} */ next) => { setWish(next); reader.tell("wish", { wish: next }); }} />`}
-      <${Facts} found=${found} reach=${reachNow(found, program)} simplified=${(drawn?.level ?? 0) > 0} />`}
+      <${Facts} found=${found} reach=${reachNow(found, program)} coarse=${(drawn?.level ?? 0) > 0} />`}
   </div>`;
 }
 
