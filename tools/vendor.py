@@ -1,4 +1,4 @@
-"""Fetches the pinned files of web/vendor/ from the npm registry:  python tools/vendor.py   (needs npm)
+"""Fetches the pinned files of web/vendor/ and tests/web/vendor/ from the npm registry:  python tools/vendor.py   (needs npm)
 
 Not a bundler and no part of the daemon: what it writes is committed, so nobody who uses or builds millstream runs it.
 The one rule: a file is taken only when its SHA-256 is the one that stands here; to move to another version, change the
@@ -15,7 +15,10 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-VENDOR = Path(__file__).resolve().parents[1] / "web" / "vendor"
+ROOT = Path(__file__).resolve().parents[1]
+VENDOR = ROOT / "web" / "vendor"
+FOR_TESTS = ROOT / "tests" / "web" / "vendor"
+"""Never served, in no package; here so that a test needs no internet."""
 MANIFEST = "vendor.json"
 SOURCE_MAP = re.compile(rb"\n?//# sourceMappingURL=\S+\s*$")
 BARE_IMPORT = re.compile(rb"""((?<!["'])\b(?:from|import)\s*)["']([^"'./\n][^"'\n]*)["']""")
@@ -34,6 +37,7 @@ class Part:
     licence: str
     licence_file: str = "LICENSE"
     imports: tuple[tuple[str, str], ...] = ()
+    folder: Path = VENDOR
 
 
 PARTS = (
@@ -115,6 +119,15 @@ PARTS = (
         "three.module.js",
         "MIT",
     ),
+    Part(
+        "axe-core",
+        "4.14.1",
+        "axe.min.js",
+        "29348999450cdf2849a8e70b7912fc2da85a849da39c0d0d5394f51d4a9ed95c",
+        "axe.js",
+        "MPL-2.0",
+        folder=FOR_TESTS,
+    ),
 )
 
 
@@ -162,19 +175,19 @@ def package_files(package: str, version: str, folder: Path) -> dict[str, bytes]:
 
 
 def main() -> None:
-    """Write web/vendor/ anew."""
-    VENDOR.mkdir(exist_ok=True)
+    """Write both folders anew."""
     packages: dict[str, dict[str, bytes]] = {}
-    manifest = []
+    manifests: dict[Path, list[dict[str, str]]] = {}
     for part in PARTS:
         if part.package not in packages:
             with tempfile.TemporaryDirectory() as folder:
                 packages[part.package] = package_files(part.package, part.version, Path(folder))
         files = packages[part.package]
         content = vendored(part, files[part.file])
-        (VENDOR / part.name).write_bytes(content)
-        (VENDOR / licence_name(part)).write_bytes(files[part.licence_file])
-        manifest.append(
+        part.folder.mkdir(exist_ok=True)
+        (part.folder / part.name).write_bytes(content)
+        (part.folder / licence_name(part)).write_bytes(files[part.licence_file])
+        manifests.setdefault(part.folder, []).append(
             {
                 "name": part.name,
                 "package": part.package,
@@ -185,7 +198,8 @@ def main() -> None:
                 "sha256": sha256(content),
             }
         )
-    (VENDOR / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+    for folder, entries in manifests.items():
+        (folder / MANIFEST).write_text(json.dumps(entries, indent=2) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

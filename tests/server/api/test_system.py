@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from server.api.system import web_files
+from server.api.webfiles import web_files
 from tests.harness.fakeworkshop import FakeWorkshop
 from tests.harness.simloop import run_simulated as run
 
@@ -43,7 +43,6 @@ def test_metrics_are_prometheus_text() -> None:
 @pytest.mark.parametrize(
     ("path", "file", "kind"),
     [
-        ("/", "index.html", "text/html; charset=utf-8"),
         ("/docs", "docs.html", "text/html; charset=utf-8"),
         ("/web/app.js", "app.js", "text/javascript; charset=utf-8"),
         ("/web/docs.js", "docs.js", "text/javascript; charset=utf-8"),
