@@ -1,19 +1,42 @@
 """The history: what happened, append-only, each row carrying the hash of the one before. Runs inside the db thread.
 
 The one rule: rows are written by `append` alone and never touched again (triggers in the schema refuse it). A row
-that was changed, taken out or slipped in breaks the chain, and `verify` says where.
+that was changed, taken out or slipped in breaks the chain, and `faults` says where. Retention takes rows away from the
+old end alone, through `prune`, which leaves an anchor: the hash from which the kept part goes on.
 """
 
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from sqlite_utils import Database
 
+from protocol.errors import LocalError
+
 GENESIS = "0" * 64
 MAX_DATA_CHARS = 256 * 1024
 """A dump of the last frames is the largest thing written; a machine cannot make the database grow without bound."""
+PRUNED = "history_pruned"
+"""The event that vouches for the anchor."""
+SET_ANCHOR = "insert or replace into history_anchor (id, up_to, hash, at) values (1, ?, ?, ?)"
+
+
+@dataclass(frozen=True, slots=True)
+class Anchor:
+    """Where the kept part begins: the events up to `up_to` were removed, `hash` is that of the last of them."""
+
+    up_to: int = 0
+    hash: str = GENESIS
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something in the history that is not as it was written: at which event, and what."""
+
+    event: int
+    what: str
 
 
 def append(
@@ -21,7 +44,7 @@ def append(
 ) -> int:
     """Write an event; its number."""
     last = next(db.query("select hash from events order by id desc limit 1"), None)
-    previous = GENESIS if last is None else str(last["hash"])
+    previous = anchor(db).hash if last is None else str(last["hash"])
     text = json.dumps(data, sort_keys=True)
     if len(text) > MAX_DATA_CHARS:
         text = json.dumps({"cut": True, "text": text[: MAX_DATA_CHARS // 2]})
@@ -48,19 +71,73 @@ def newest(db: Database, job: int, kind: str) -> dict[str, Any] | None:
     return None if row is None or data.get("cut") else data
 
 
+# --- the old end ----------------------------------------------------------------------------------------------
+
+
+def anchor(db: Database) -> Anchor:
+    """Where the kept part begins."""
+    row = next(db.query("select up_to, hash from history_anchor"), None)
+    return Anchor() if row is None else Anchor(row["up_to"], row["hash"])
+
+
+def prune(db: Database, up_to: int, *, at: str) -> int:
+    """Remove the events up to this number; how many. The rest can be verified as before. Raises LocalError where there
+    is no such event.
+
+    The anchor comes first: the triggers let go of what is before it, and of nothing else.
+    """
+    row = next(db.query("select hash from events where id = ?", [up_to]), None)
+    if row is None:
+        raise LocalError(f"there is no event {up_to} to prune the history up to")
+    append(db, at=at, kind=PRUNED, data={"up_to": up_to, "hash": row["hash"]})
+    db.execute(SET_ANCHOR, [up_to, row["hash"], at])
+    return db.execute("delete from events where id <= ?", [up_to]).rowcount
+
+
+# --- looking it over ------------------------------------------------------------------------------------------
+
+
 def verify(db: Database) -> int | None:
     """The number of the first event that does not fit the chain; None when all is in order."""
-    previous, expected = GENESIS, 1
-    for row in _all(db):
-        link = _link(previous, row["at"], row["machine"], row["job"], row["type"], row["data"])
-        if row["id"] != expected or row["previous"] != previous or row["hash"] != link:
-            return int(row["id"])
-        previous, expected = row["hash"], expected + 1
-    return None
+    first = next(faults(db), None)
+    return None if first is None else first.event
 
 
-def _all(db: Database) -> Iterator[dict[str, Any]]:
-    return db.query("select * from events order by id")
+def faults(db: Database) -> Iterator[Fault]:
+    """Everything in the chain that is not as it was written, the oldest first."""
+    begin = anchor(db)
+    previous, expected, vouched = begin.hash, begin.up_to + 1, begin.up_to == 0
+    for row in db.query("select * from events order by id"):
+        number = int(row["id"])
+        if number != expected:
+            yield Fault(min(number, expected), _gap(expected, number - 1))
+        elif row["previous"] != previous:
+            yield Fault(number, "it does not follow from the event before: one of them was replaced")
+        if row["hash"] != _link(row["previous"], *(row[key] for key in ("at", "machine", "job", "type", "data"))):
+            yield Fault(number, "its content or its hash was changed")
+        vouched = vouched or (row["type"] == PRUNED and json.loads(row["data"]) == _vouch(begin))
+        previous, expected = row["hash"], number + 1
+    if not vouched:
+        yield Fault(begin.up_to, "no event tells of the removal of the history up to this one")
+    if (top := _top(db)) >= expected:
+        # The numbers are never given again, so the last rows cannot vanish unseen.
+        yield Fault(expected, _gap(expected, top))
+
+
+def _vouch(begin: Anchor) -> dict[str, Any]:
+    return {"up_to": begin.up_to, "hash": begin.hash}
+
+
+def _top(db: Database) -> int:
+    """The highest number that was ever given."""
+    row = next(db.query("select seq from sqlite_sequence where name = 'events'"), None)
+    return 0 if row is None else int(row["seq"])
+
+
+def _gap(first: int, last: int) -> str:
+    if last < first:
+        return "it stands before where the history begins"
+    return "it is missing" if first == last else f"the events {first} to {last} are missing"
 
 
 def _link(previous: str, *fields: object) -> str:

@@ -142,6 +142,24 @@ def m012_parts(db: Database) -> None:
     db.execute("alter table batches add column part integer not null default 0")
 
 
+@migrations()
+def m013_history_anchor(db: Database) -> None:
+    """What retention removed of the history (jobs/history.py): one row, the number and the hash of the last event that
+    is gone. Only what lies before it may be deleted. `sealed`: the job's journal stands in the history by its hash."""
+    db.execute("""
+        create table history_anchor (
+            id integer primary key check (id = 1), up_to integer not null, hash text not null, at text not null)
+    """)
+    db.execute("drop trigger events_no_delete")
+    db.execute("""
+        create trigger events_no_delete before delete on events
+        when old.id > (select coalesce(max(up_to), 0) from history_anchor)
+        begin select raise(abort, 'history is append-only'); end
+    """)
+    db.execute("alter table jobs add column sealed integer not null default 0")
+    db.execute("create index jobs_unsealed on jobs (id) where sealed = 0")
+
+
 def prepare(db: Database) -> None:
     """Set the connection up and bring the tables to the newest state."""
     db.execute("pragma journal_mode = wal")

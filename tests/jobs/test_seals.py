@@ -1,0 +1,117 @@
+"""Seals: what was sealed cannot be changed or vanish unseen, and a long journal is sealed in pieces."""
+
+from typing import Any
+
+import pytest
+from sqlite_utils import Database
+
+from jobs import history, seals
+from jobs.effects import SetStatus
+from jobs.job import Status
+from jobs.seals import Digest
+from jobs.store import set_status
+from tests.harness.rows import AT, add_job, database
+
+LATER = "2026-03-01T10:00:00.000Z"
+FIELDS = (
+    'job, seq, machine, wire_id, line_from, line_to, blocks, seconds, "end", status, attempts, inferred, planned_at'
+)
+
+
+def ended(db: Database, *, rows: int = 3, status: Status = Status.COMPLETED) -> int:
+    """A job that was executed, with so many rows of journal."""
+    job = add_job(db)
+    for after in (Status.CHECKING, Status.RUNNING, status):
+        before = Status(next(db.query("select status from jobs where id = ?", [job]))["status"])
+        set_status(db, job, SetStatus(before, after, 10), at=AT)
+    values: list[list[Any]] = [
+        [job, seq, "router", 100 + seq, seq, seq, 1, 0.5, "{}", "ok", 1, 0, AT] for seq in range(1, rows + 1)
+    ]
+    db.conn.executemany(f"insert into batches ({FIELDS}) values ({', '.join('?' * 13)})", values)
+    return job
+
+
+def seal(db: Database, job: int) -> int:
+    """Seal a job; in how many pieces."""
+    digest, pieces = Digest(job), 1
+    while not seals.seal(db, digest, at=LATER):
+        pieces += 1
+    return pieces
+
+
+def found(db: Database) -> list[str]:
+    return [fault.what for fault in seals.faults(db)]
+
+
+def test_a_sealed_job_is_in_order_and_asked_for_no_more() -> None:
+    with database() as db:
+        job = ended(db)
+        assert seals.unsealed(db, ended_before=AT) is None, "it has ended only now"
+        assert seals.unsealed(db, ended_before=LATER) == job
+        seal(db, job)
+        assert seals.unsealed(db, ended_before=LATER) is None
+        assert found(db) == []
+        assert history.verify(db) is None
+        assert seals.counts(db)["sealed"] == 1
+        sealed = history.newest(db, job, seals.SEALED)
+        assert sealed is not None
+        assert sealed["rows"] == 3
+
+
+@pytest.mark.parametrize("status", [Status.INTERRUPTED, Status.PAUSED])
+def test_what_may_go_on_is_not_sealed(status: Status) -> None:
+    with database() as db:
+        ended(db, status=status)
+        assert seals.unsealed(db, ended_before=LATER) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ("update batches set line_to = 99 where seq = 2", "job 1 or its journal was changed after its end"),
+        ("update batches set inferred = 1 where seq = 3", "job 1 or its journal was changed after its end"),
+        ("update jobs set line_done = 3", "job 1 or its journal was changed after its end"),
+        ("update jobs set status = 'failed'", "job 1 or its journal was changed after its end"),
+        ("delete from batches where seq = 3", "the journal of job 1 has 2 rows; 3 were sealed"),
+        ("delete from batches; delete from jobs", "job 1, which it sealed, is missing"),
+    ],
+)
+def test_a_change_after_the_end_is_found(change: str, what: str) -> None:
+    with database() as db:
+        seal(db, ended(db))
+        db.conn.executescript(change)
+        assert found(db) == [what]
+        assert history.verify(db) is None, "the history itself is in order"
+
+
+def test_a_job_that_is_forgotten_leaves_a_word() -> None:
+    with database() as db:
+        kept, job = ended(db), ended(db)
+        for one in (kept, job):
+            seal(db, one)
+        seals.forget(db, [job], at=LATER)
+        assert next(db.query("select count(*) as n from batches"))["n"] == 3
+        assert found(db) == []
+        assert history.verify(db) is None
+
+
+def test_a_job_that_is_forgotten_while_it_is_sealed_ends_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(seals, "PIECE_ROWS", 2)
+    with database() as db:
+        digest = Digest(ended(db))
+        assert not seals.seal(db, digest, at=LATER)
+        seals.forget(db, [digest.job], at=LATER)
+        assert seals.seal(db, digest, at=LATER)
+
+
+@pytest.mark.parametrize(("rows", "pieces"), [(0, 1), (3, 1), (4, 2), (9, 3)])
+def test_in_pieces_it_is_the_same_seal(rows: int, pieces: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    with database() as db:
+        job = ended(db, rows=rows)
+        whole = Digest(job)
+        while whole.take(db):
+            pass
+        monkeypatch.setattr(seals, "PIECE_ROWS", 4)
+        assert seal(db, job) == pieces
+        assert history.newest(db, job, seals.SEALED) == whole.view()
+        assert found(db) == []
