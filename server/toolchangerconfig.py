@@ -55,6 +55,7 @@ class ToolchangerConfig(Section):
     io_error: Annotated[str, Field(max_length=200), Allowed("a text with one %d in it")] = "toolchanger error %d"
     jumpers: Pins = ()
     start_in_estop: bool | None = None
+    always_ask: bool = False
     change_position: PositionBlocks = ()
 
     @model_validator(mode="after")
@@ -81,4 +82,5 @@ class ToolchangerConfig(Section):
             io_error=self.io_error,
             jumpers=frozenset(self.jumpers),
             start_in_estop=self.start_in_estop,
+            always_ask=self.always_ask,
         )

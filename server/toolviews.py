@@ -22,6 +22,7 @@ def io_view(io: IoControl, at: Callable[[float], str]) -> dict[str, Any]:
         "estop": io.estop_state.name.lower(),
         "connected": io.connected,
         "tool": io.tool,
+        "tool_certain": io.tool_certain,
         "prepared": io.prepared,
         "faulted": io.faulted,
         "parameters": {f"#{number}": value for number, value in io.parameters.items()},

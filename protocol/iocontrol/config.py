@@ -50,7 +50,8 @@ class IoConfig:
 
     `io_error` is shown for a fault with a reason below 0, its `%d` is the reason. `jumpers`: inputs of an external
     changer that follow their output because nothing drives them. `start_in_estop`: by default only with an external
-    changer, for where a person is the changer nothing can move by itself.
+    changer, for where a person is the changer nothing can move by itself. `always_ask`: a person is asked for a tool
+    that is in the spindle, too.
     """
 
     kind: Kind = "none"
@@ -63,6 +64,7 @@ class IoConfig:
     io_error: str = "toolchanger error %d"
     jumpers: frozenset[str] = frozenset()
     start_in_estop: bool | None = None
+    always_ask: bool = False
 
     def __post_init__(self) -> None:
         if self.kind not in KIND_JUMPERS:
@@ -77,6 +79,8 @@ class IoConfig:
                 raise ValueError(f"{name}: seconds, 0 or more, not {value}")
         if _TEMPLATE.fullmatch(self.io_error) is None:
             raise ValueError(f"io_error: a text with one %d in it, not {self.io_error!r}")
+        if self.always_ask and self.kind != "manual":
+            raise ValueError(f"always_ask: only a person is asked for a tool that is in the spindle, not {self.kind!r}")
         if unknown := sorted(self.jumpers - {pin.value for pin in JUMPERS}):
             raise ValueError(f"jumpers: {unknown[0]!r} is none of {', '.join(JUMPERS)}")
 

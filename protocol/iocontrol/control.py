@@ -78,8 +78,7 @@ class IoControl(IoView):
             self._estop.end_pulse(self._level(Pin.EMC_ENABLE_IN))
         if self._link.deadline_at is not None and self._link.deadline_at <= now:
             self._link.time_out()
-        deadline_at = self._handshake.wait.deadline_at
-        if deadline_at is not None and deadline_at <= now:
+        if (deadline_at := self._handshake.wait.deadline_at) is not None and deadline_at <= now:
             self._overdue()
         self._settle()
 
@@ -212,6 +211,10 @@ class IoControl(IoView):
         self._handshake.abort(AbortReason.USER, Failure("operator", message))
         self._settle()
 
+    def doubt_tool(self) -> None:
+        """Somebody may have changed the tool by hand: a person is asked for it the next time, whichever it is."""
+        self._handshake.spindle.doubt()
+
     def clear_fault(self, now: float) -> None:
         """A person clears the latch. Raises LocalError unless `may_clear_fault`."""
         if not self.may_clear_fault:
@@ -324,7 +327,7 @@ class IoControl(IoView):
         waiting = self.waiting_for
         if (waiting.what, waiting.tool, waiting.overdue) != (self._told.what, self._told.tool, self._told.overdue):
             if waiting.what == "operator" and self._told.what != "operator":
-                self._board.emit(OperatorMessage(wanted(waiting.tool, self.tool_table), "wanted"))
+                self._board.emit(OperatorMessage(wanted(waiting.tool, self.tool_table, self.tool), "wanted"))
             self._told = waiting
             self._board.emit(waiting)
 

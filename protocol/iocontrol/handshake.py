@@ -6,8 +6,6 @@ The one rule: every request that was taken ends in exactly one event, and the to
 change, with M61, or to "not known", and never else.
 """
 
-from typing import Final
-
 from protocol.errors import LocalError
 from protocol.iocontrol.board import Board
 from protocol.iocontrol.config import CONNECTION_LOST, AbortReason, IoConfig
@@ -28,17 +26,15 @@ from protocol.iocontrol.events import (
 from protocol.iocontrol.latch import FaultLatch
 from protocol.iocontrol.pins import Pin
 from protocol.iocontrol.requests import Change, Failure, Prepare, Requests
+from protocol.iocontrol.spindle import Spindle
 from protocol.iocontrol.tables import HANDSHAKE, OPEN_STATES, STATE_PIN, Region, State, Trigger
 from protocol.iocontrol.texts import at
 from protocol.iocontrol.tooltable import NUMBER_MAX, Place, ToolTable
 from protocol.iocontrol.waiting import Wait
 
-UNKNOWN: Final = -1
-"""`tool-number` while nobody knows which tool is in the spindle."""
-
 
 class Handshake:
-    """`tool` is the tool in the spindle: 0 none, None not known. `prepared` is what an M6 loads."""
+    """`prepared` is what an M6 loads."""
 
     def __init__(
         self, board: Board, config: IoConfig, latch: FaultLatch, table: ToolTable | None, tool: int | None
@@ -49,7 +45,7 @@ class Handshake:
         self._region = Region("handshake", HANDSHAKE, State.IDLE)
         self.wait = Wait(board)
         self.table = table
-        self.tool = tool
+        self.spindle = Spindle(board, config, tool)
         self.prepared: Place | None = None
         self.interrupted: int | None = None
         """The tool of the last change, where an abort came into it: a late `tool-changed` speaks of this one."""
@@ -57,13 +53,17 @@ class Handshake:
         self._repeat: int | None = None
         """The tool of the last M6: a second M6 without a T between finds it in the spindle."""
         self._in_doubt = False
-        board.put(Pin.TOOL_NUMBER, UNKNOWN if tool is None else tool)
 
     # --- what is known --------------------------------------------------------------------------------------------
 
     @property
     def state(self) -> State:
         return self._region.state
+
+    @property
+    def tool(self) -> int | None:
+        """The tool in the spindle: 0 none, None not known."""
+        return self.spindle.tool
 
     @property
     def change_pending(self) -> bool:
@@ -186,9 +186,9 @@ class Handshake:
             self._board.emit(ChangeStarted(self.wanted, request.line))
 
     def _load(self) -> None:
-        """tool-change rises only here: with a prepared tool that is not in the spindle already."""
+        """tool-change rises only here: with a prepared tool that is not certainly in the spindle already."""
         self._board.next_step()
-        if self.prepared is None or self.prepared.number == self.tool:
+        if self.prepared is None or not self.spindle.needs(self.prepared.number):
             self._close(Trigger.SKIP, skipped=True)
             return
         self._board.put(Pin.TOOL_CHANGE, True)
@@ -257,8 +257,7 @@ class Handshake:
 
     def _in_spindle(self, number: int) -> None:
         self.interrupted = None
-        self.tool = number
-        self._board.put(Pin.TOOL_NUMBER, number)
+        self.spindle.take(number)
         if self.table is not None and (table := self.table.exchanged(number)) != self.table:
             self.table = table
             self._board.emit(TableChanged(table))
@@ -302,8 +301,7 @@ class Handshake:
         if not failure.goes_on:  # a program that goes on wants its coolant
             self.coolant_off()
         if in_doubt or tool_lost:
-            self.tool = None
-            self._board.put(Pin.TOOL_NUMBER, UNKNOWN)
+            self.spindle.lose()
         self._signal(AbortReason.TOOLCHANGER_FAULT)
         self._aborting()
         if failure.reason and not in_doubt:
@@ -346,6 +344,7 @@ class Handshake:
 
     def _signal(self, code: AbortReason) -> None:
         """The reason is set before emc-abort rises; 101 stays until it is acknowledged (sheet §3)."""
+        self.spindle.doubt()
         standing = self._board[Pin.EMC_ABORT] and self._board[Pin.EMC_REASON] == AbortReason.TOOLCHANGER_FAULT
         if not standing:
             self._board.put(Pin.EMC_REASON, int(code))

@@ -23,12 +23,14 @@ def late(waiting: WaitingFor) -> str:
     return _LATE[waiting.what].format(tool=waiting.tool)
 
 
-def wanted(number: int | None, table: ToolTable | None) -> str:
-    """What a person is to do for a manual change."""
+def wanted(number: int | None, table: ToolTable | None, tool: int | None) -> str:
+    """What a person is to do for a manual change. `tool` is thought to be in the spindle."""
     if number == 0:
-        return "Take the tool out of the spindle, then confirm."
-    tool = table.find(number) if table is not None and number is not None else None
-    named = f" ({tool.comment})" if tool is not None and tool.comment else ""
+        return f"{'See that no tool is in' if tool == 0 else 'Take the tool out of'} the spindle, then confirm."
+    entry = table.find(number) if table is not None and number is not None else None
+    named = f" ({entry.comment})" if entry is not None and entry.comment else ""
+    if number == tool:
+        return f"See that tool {number}{named} is in the spindle, then confirm."
     return f"Put tool {number}{named} into the spindle, then confirm."
 
 

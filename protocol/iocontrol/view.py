@@ -50,6 +50,11 @@ class IoView:
         return self._handshake.tool
 
     @property
+    def tool_certain(self) -> bool:
+        """Nobody can have changed it unseen; else a person is asked for it though it is thought to be in."""
+        return self._handshake.spindle.certain
+
+    @property
     def prepared(self) -> int | None:
         """The tool that an M6 would load."""
         return None if self._handshake.prepared is None else self._handshake.prepared.number
@@ -85,8 +90,9 @@ class IoView:
 
     @property
     def change_needed(self) -> bool:
-        """An M6 would move something: the wanted tool is not in the spindle."""
-        return self._handshake.wanted is None or self._handshake.wanted != self.tool
+        """An M6 would ask for something: the wanted tool is not in the spindle, for all that is known."""
+        wanted = self._handshake.wanted
+        return wanted is None or self._handshake.spindle.needs(wanted)
 
     @property
     def motion_allowed(self) -> bool:

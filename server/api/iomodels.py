@@ -34,7 +34,8 @@ class PinView(BaseModel):
 
 
 class IoView(BaseModel):
-    """The tool changer of a machine. `tool`: in the spindle, 0 none, null not known. `parameters`: set by a fault.
+    """The tool changer of a machine. `tool`: in the spindle, 0 none, null not known; `tool_certain`: nobody can have
+    changed it unseen, else a person is asked for it though it is thought to be in. `parameters`: set by a fault.
     `refusal`: why no job can begin, null: it can."""
 
     model_config = example(
@@ -43,6 +44,7 @@ class IoView(BaseModel):
         estop="enabled",
         connected=True,
         tool=1,
+        tool_certain=True,
         prepared=2,
         faulted=False,
         parameters={"#5060": 0.0, "#5600": 0.0, "#5601": 0.0},
@@ -60,6 +62,7 @@ class IoView(BaseModel):
     estop: str
     connected: bool
     tool: int | None
+    tool_certain: bool
     prepared: int | None
     faulted: bool
     parameters: dict[str, float]

@@ -21,6 +21,7 @@ from protocol.iocontrol.pins import JUMPERS, PINS, S32_MAX, S32_MIN, Pin, checke
         ({"io_error": "%d %s"}, "io_error"),
         ({"io_error": "100% %d"}, "io_error"),
         ({"jumpers": frozenset({"tool-number"})}, "jumpers"),
+        ({"kind": "external", "always_ask": True}, "always_ask"),
     ],
 )
 def test_what_is_refused_names_its_key(values: dict[str, object], text: str) -> None:

@@ -59,8 +59,11 @@ class Block(RuleBasedStateMachine):
         table=st.sampled_from((None, TABLE, RANDOM)),
         jumpers=st.sampled_from((frozenset(), frozenset({"emc-abort-ack", "emc-enable-in"}))),
         start_in_estop=st.booleans(),
+        always_ask=st.booleans(),
     )
-    def begin(self, kind: int, version: Any, start: bool, timeout_s: float, table: Any, **others: Any) -> None:
+    def begin(
+        self, kind: int, version: Any, start: bool, timeout_s: float, table: Any, always_ask: bool, **others: Any
+    ) -> None:
         self.config = IoConfig(
             kind=self.KINDS[kind],
             protocol_version=version,
@@ -68,6 +71,7 @@ class Block(RuleBasedStateMachine):
             prepare_timeout_s=timeout_s,
             change_timeout_s=timeout_s,
             ack_timeout_s=timeout_s,
+            always_ask=always_ask and self.KINDS[kind] == "manual",
             **others,
         )
         self.now = 0.0
@@ -250,7 +254,8 @@ class Block(RuleBasedStateMachine):
     def tool_change_only_with_a_prepared_tool_that_is_not_in_the_spindle(self) -> None:
         if self.pins["tool-change"]:
             assert self.io.prepared is not None
-            assert self.io.prepared != self.io.tool
+            asked_again = self.config.always_ask or not self.io.tool_certain
+            assert self.io.prepared != self.io.tool or (self.config.kind == "manual" and asked_again)
             assert self.pins["tool-prep-number"] == self.io.prepared
 
     @invariant()
