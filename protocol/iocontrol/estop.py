@@ -13,9 +13,14 @@ from protocol.iocontrol.pins import Pin
 from protocol.iocontrol.requests import Failure
 from protocol.iocontrol.tables import ESTOP, EStop, EStopTrigger, Region
 
+CHAIN_WITHIN_S = 1.0
+"""How long a reset waits for emc-enable-in. Latches and relays answer in some tenths of a second, a HAL behind a network
+needs its way there and back; longer than a person looks at the key the chain must not switch on by itself."""
+
 
 class EStopChain:
-    """`pulse_s` is the length of the pulse of user-request-enable, in seconds."""
+    """`pulse_s` is the length of the pulse of user-request-enable, in seconds. `pulse_until` is its end, and then,
+    while the chain is still open, that of the reset."""
 
     def __init__(self, board: Board, handshake: Handshake, latch: FaultLatch, *, pulse_s: float, stopped: bool) -> None:
         self._board = board
@@ -77,16 +82,23 @@ class EStopChain:
         self._handshake.abort(AbortReason.ESTOP_RESET, failure, same_step=True)
 
     def close(self) -> None:
-        """The chain is closed, and a reset was asked for."""
+        """The chain is closed, and a reset was asked for. The pulse has its length all the same."""
+        if not self._board[Pin.USER_REQUEST_ENABLE]:
+            self.pulse_until = None
         self._board.go(self._region, EStopTrigger.CLOSED)
         self._board.emit(EStopCleared())
 
     def end_pulse(self, chain: bool | None) -> None:
-        """The pulse is over. `chain`: emc-enable-in, None where its driver is not connected."""
+        """The pulse is over, or the time for the chain. `chain`: emc-enable-in, None where its driver is not
+        connected: then there is nothing to wait for."""
         self.pulse_until = None
+        pulsed = bool(self._board[Pin.USER_REQUEST_ENABLE])
         self._board.next_step()
         self._board.put(Pin.USER_REQUEST_ENABLE, False)
         if self.state is EStop.RESETTING:
+            if pulsed and chain is not None and self._pulse_s < CHAIN_WITHIN_S:
+                self.pulse_until = self._board.now + CHAIN_WITHIN_S - self._pulse_s
+                return
             self._board.go(self._region, EStopTrigger.GIVEN_UP)
             why = "the external chain is open (emc-enable-in is FALSE)"
             if chain is None:

@@ -59,7 +59,7 @@ class EStopTrigger(Enum):
     OPENED = "emc-enable-in_"
     RESET = "e-stop reset: user-enable-out^, pulse of user-request-enable"
     CLOSED = "emc-enable-in is TRUE"
-    GIVEN_UP = "the pulse is over, the chain is still open"
+    GIVEN_UP = "the chain is still open a second after the reset"
 
 
 class Latch(Enum):

@@ -1,6 +1,7 @@
 """The e-stop: every row of §2 about it, and that nothing but a reset leads out."""
 
 from protocol.iocontrol.config import IoConfig
+from protocol.iocontrol.estop import CHAIN_WITHIN_S
 from protocol.iocontrol.events import (
     ChangeFailed,
     EStopCleared,
@@ -94,7 +95,7 @@ def test_press_reset_and_the_end_of_the_pulse_are_steps_of_their_own() -> None:
     )
 
 
-def test_reset_waits_for_the_chain_as_long_as_its_pulse() -> None:
+def test_reset_waits_for_the_chain() -> None:
     """An external latch closes its chain when it sees the pulse."""
     scene = external()
     scene.inputs(emc_enable_in=False)
@@ -109,12 +110,32 @@ def test_reset_waits_for_the_chain_as_long_as_its_pulse() -> None:
     assert scene.io.estop_state is EStop.ENABLED
 
 
+def test_a_chain_behind_a_network_closes_after_the_pulse() -> None:
+    scene = external()
+    scene.inputs(emc_enable_in=False)
+    scene.inputs(emc_abort_ack=True)
+    scene.inputs(emc_abort_ack=False)
+    scene.io.estop_reset(scene.tick())
+    assert scene.run_timer() == "user-request-enable^, emc-reason=5, emc-abort^ | user-request-enable_"
+    assert (scene.io.estop_state, scene.messages) == (EStop.RESETTING, [])
+    scene.now += 0.5
+    scene.io.set_inputs({"emc-enable-in": True}, scene.now)
+    scene.inputs(emc_abort_ack=True)
+    assert scene.of(EStopCleared) == [EStopCleared()]
+    assert scene.io.estop_state is EStop.ENABLED
+    assert scene.io.next_timer() is None
+
+
 def test_reset_with_an_open_chain_stays_stopped_and_says_why() -> None:
     scene = external()
     scene.inputs(emc_enable_in=False)
     scene.io.estop_reset(scene.tick())
+    began = scene.now
     scene.sequence()
     assert scene.run_timer() == "user-request-enable_"
+    assert scene.io.estop_state is EStop.RESETTING
+    assert scene.run_timer() == ""
+    assert round(scene.now - began, 6) == CHAIN_WITHIN_S
     assert scene.io.estop_state is EStop.EXTERNAL
     assert scene.messages == ["The e-stop stays: the external chain is open (emc-enable-in is FALSE)."]
     assert scene.inputs(emc_enable_in=True) == "emc-enable-in^"
