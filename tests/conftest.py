@@ -1,10 +1,19 @@
-"""The order of the tests. The one rule: those with a browser come last in their process, wherever they are named.
+"""What holds for all tests: their order, and that Python may keep what it has compiled.
 
-Playwright keeps an event loop running in the main thread as long as a browser is open, and no test with a loop of its
-own could run behind it.
+Not fixtures: those stand with the tests that share them. The one rule: tests with a browser come last in their process,
+wherever they are named. Playwright keeps an event loop running in the main thread as long as a browser is open, and no
+test with a loop of its own could run behind it.
 """
 
+import os
+import sys
+
 import pytest
+
+# Each daemon and virtual machine that a test starts would compile all of it anew, a second each; and so would the next
+# run the tests.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
