@@ -97,7 +97,7 @@ def faults(db: Database) -> Iterator[Fault]:
     gone = {
         job
         for row in db.query("select data from events where type = ?", [FORGOTTEN])
-        for job in json.loads(row["data"]).get("jobs", ())
+        for job in history.said(row).get("jobs", ())
     }
     for row in db.query("select id, job, data from events where type = ? order by id", [SEALED]):
         job = row["job"]
@@ -108,9 +108,10 @@ def faults(db: Database) -> Iterator[Fault]:
         digest = Digest(job)
         while digest.take(db):
             pass
-        told, found = json.loads(row["data"]), digest.view()
-        if told["rows"] != found["rows"]:
-            yield Fault(row["id"], f"the journal of job {job} has {found['rows']} rows; {told['rows']} were sealed")
+        told, found = history.said(row), digest.view()
+        if told.get("rows") != found["rows"]:
+            rows = f"{found['rows']} rows; {told.get('rows')} were sealed"
+            yield Fault(row["id"], f"the journal of job {job} has {rows}")
         elif told != found:
             yield Fault(row["id"], f"job {job} or its journal was changed after its end")
 

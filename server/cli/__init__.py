@@ -11,11 +11,24 @@ from typing import Annotated
 
 import typer
 
-from server.cli import demo, jobs, machines, offline, recover, serve, simulator, stored, switches, tokens, watch
+from server.cli import (
+    demo,
+    history,
+    jobs,
+    machines,
+    offline,
+    recover,
+    serve,
+    simulator,
+    stored,
+    switches,
+    tokens,
+    watch,
+)
 from server.cli.common import CliError, say, say_json, warn
 from server.cli.daemon import Surroundings
 
-GROUPS = (serve, demo, offline, jobs, recover, machines, watch, tokens, simulator, stored, switches)
+GROUPS = (serve, demo, offline, jobs, recover, machines, watch, tokens, history, simulator, stored, switches)
 
 
 def build() -> typer.Typer:

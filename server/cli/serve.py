@@ -12,8 +12,10 @@ import os
 import socket
 import sys
 from collections.abc import AsyncIterator, Callable
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 import typer
 import uvicorn
@@ -21,8 +23,14 @@ import uvicorn
 from server.auth import ExposureError, check_exposure
 from server.cli.common import CliError, ConfigFile, ExitCode, on_stop_signal, say, warn
 from server.cli.settings import DEFAULT_CONFIG, configuration, database, sole_daemon
+from server.clock import WallClock
 from server.config import Config
+from server.notify import Notifier, keep_telling
+from server.sealing import keep_sealing
 from server.tokens import list_tokens
+
+if TYPE_CHECKING:
+    from server.app import Workshop
 
 GRACEFUL_STOP_S = 5
 """Requests that are still being answered at a stop get this long; a job under way is kept in the journal anyway."""
@@ -151,13 +159,40 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
             server = _Server(_uvicorn_config(app, config))
             daemon = RunningDaemon(server, asyncio.create_task(server.serve(sockets=[listener])), address(listener))
             on_stop_signal(daemon.stop)
-            try:
-                yield daemon
-            finally:
-                daemon.stop()
-                await daemon.stopped()
+            async with _beside(workshop):
+                try:
+                    yield daemon
+                finally:
+                    daemon.stop()
+                    await daemon.stopped()
         finally:
             await workshop.stop()
+
+
+@contextlib.asynccontextmanager
+async def _beside(workshop: "Workshop") -> AsyncIterator[None]:
+    """What goes on beside the machines: the service manager is kept informed, ended jobs are sealed."""
+    notifier = Notifier(os.environ)
+    tasks = [asyncio.create_task(keep_sealing(workshop.db, WallClock()))]
+    if notifier:
+        tasks.append(asyncio.create_task(keep_telling(notifier, workshop.db, partial(_sentence, workshop))))
+    notifier.ready()
+    try:
+        yield
+    finally:
+        notifier.stopping()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        notifier.close()
+
+
+def _sentence(workshop: "Workshop") -> str:
+    """What the daemon is doing, for `systemctl status`."""
+    machines = workshop.machines.values()
+    connected = sum(one.link_status == "connected" for one in machines)
+    jobs = sum(one.stream.moving for one in machines)
+    return f"{connected} of {len(machines)} machines connected, {jobs} jobs under way"
 
 
 def _check_exposure(config: Config) -> None:

@@ -56,6 +56,7 @@ def test_the_database_itself_refuses_changes(change: str) -> None:
         ("delete from events where id = 5", 5),
         ("delete from events", 1),
         ("update events set previous = 'x' where id = 2", 2),
+        ("update events set data = 'no JSON', type = 'history_pruned' where id = 2", 2),
     ],
 )
 def test_a_change_behind_its_back_is_found(change: str, found: int) -> None:

@@ -110,9 +110,15 @@ def test_a_peer_that_reads_nothing_is_given_up(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.real
 def test_a_daemon_answers_and_ends_with_0_on_sigterm(tmp_path: Path) -> None:
     (tmp_path / "millstream.toml").write_text(f'[server]\nport = 0\ndata_dir = "d"\n{MACHINE}', encoding="utf-8")
-    environ = {**os.environ, "NO_PROXY": "127.0.0.1", "PYTHONUNBUFFERED": "1"}
+    environ = {**os.environ, "NO_PROXY": "127.0.0.1", "PYTHONUNBUFFERED": "1", "WATCHDOG_USEC": "600000000"}
     command = [sys.executable, "-c", "from server.cli import main; main()", "serve"]
-    with subprocess.Popen(command, cwd=tmp_path, env=environ, stdout=subprocess.PIPE, text=True) as daemon:
+    environ["NOTIFY_SOCKET"] = str(tmp_path / "notify")
+    with (
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd,
+        subprocess.Popen(command, cwd=tmp_path, env=environ, stdout=subprocess.PIPE, text=True) as daemon,
+    ):
+        systemd.bind(environ["NOTIFY_SOCKET"])
+        systemd.settimeout(30)
         try:
             assert daemon.stdout is not None
             url = daemon.stdout.readline().removeprefix("millstream: ").strip()
@@ -121,5 +127,9 @@ def test_a_daemon_answers_and_ends_with_0_on_sigterm(tmp_path: Path) -> None:
             assert "server" not in httpx.get(f"{url}/healthz").headers
             daemon.send_signal(signal.SIGTERM)
             assert daemon.wait(timeout=30) == 0
+            told = [systemd.recv(4096).decode() for _ in range(4)]
+            assert told[0] == "READY=1"
+            assert told[1].startswith("STATUS=")
+            assert told[2:] == ["WATCHDOG=1", "STOPPING=1"]
         finally:
             daemon.kill()
