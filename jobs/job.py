@@ -28,16 +28,17 @@ class Status(StrEnum):
 
 S = Status
 
-# queued: nobody has asked the machine for anything. checking: the program is read and planned; nothing is sent.
+# queued: nobody has asked the machine for anything. checking: the program is read and planned; nothing is sent; a
+# pause that is asked meanwhile leads to `paused` without a line sent.
 # From `running` on lines may have been executed, so every way out names what is certain. `paused` and `waiting` mean
 # that the machine stands still. `interrupted` is not an end: somebody has to decide (recover or cancel).
 TRANSITIONS: Mapping[Status, frozenset[Status]] = {
     S.QUEUED: frozenset({S.CHECKING, S.CANCELLED}),
-    S.CHECKING: frozenset({S.RUNNING, S.QUEUED, S.FAILED, S.CANCELLED}),
+    S.CHECKING: frozenset({S.RUNNING, S.PAUSED, S.QUEUED, S.FAILED, S.CANCELLED}),
     S.RUNNING: frozenset({S.PAUSED, S.WAITING, S.COMPLETED, S.FAILED, S.CANCELLED, S.INTERRUPTED}),
     S.PAUSED: frozenset({S.RUNNING, S.WAITING, S.COMPLETED, S.FAILED, S.CANCELLED, S.INTERRUPTED}),
     S.WAITING: frozenset({S.RUNNING, S.PAUSED, S.COMPLETED, S.FAILED, S.CANCELLED, S.INTERRUPTED}),
-    S.INTERRUPTED: frozenset({S.RUNNING, S.CANCELLED}),
+    S.INTERRUPTED: frozenset({S.RUNNING, S.PAUSED, S.CANCELLED}),
     S.COMPLETED: frozenset(),
     S.FAILED: frozenset(),
     S.CANCELLED: frozenset(),

@@ -67,9 +67,11 @@ class Runner(ToolSide):
 
     # --- what people want -------------------------------------------------------------------------------------
 
-    def begin(self) -> list[Effect]:
-        """The machine is ours and takes commands."""
+    def begin(self, *, hold: bool = False) -> list[Effect]:
+        """The machine is ours and takes commands. `hold`: a pause was asked while the program was read; its row says so
+        already."""
         self._link = LinkSide(up=True)
+        self._wishes.hold = hold
         return self._drain()
 
     def supply(self, source: BatchSource) -> None:

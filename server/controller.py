@@ -49,7 +49,7 @@ class Controller(Machine):
             self.unheard_stop = EmergencyStop(self.manual.next_token())
             link.realtime(self.unheard_stop)
         self.manual.sweep(ProblemError("command_failed", "The emergency stop was demanded."))
-        self.stream.reserved_cancelled = True
+        self.stream.beginning.cancel()
         if self.stream.runner is not None:
             self.stream.react(self.stream.runner.emergency())
         if not by_changer:
@@ -63,6 +63,9 @@ class Controller(Machine):
     def pause(self) -> None:
         """Stand still: at once where the machine can, else after the batch in flight. Raises ProblemError."""
         runner = self.stream.runner
+        if self.stream.beginning.wanted:
+            self.stream.beginning.hold(hold=True)
+            return
         runs = runner is not None and runner.can_pause
         # Whose job was interrupted may still have a machine that moves: it does what it had inside.
         moves = self.state.status in ("run", "jog") or (self.state.status == "idle" and self.manual.moves)
@@ -77,7 +80,9 @@ class Controller(Machine):
     def resume(self) -> None:
         """Go on after a pause. Raises ProblemError."""
         runner = self.stream.runner
-        if runner is not None and runner.can_resume:
+        if self.stream.beginning.wanted and self.stream.beginning.held:
+            self.stream.beginning.hold(hold=False)
+        elif runner is not None and runner.can_resume:
             self.check_takes_commands()
             self._urge(self.verbs.go_on)
             self.stream.react(runner.resume())
@@ -102,8 +107,8 @@ class Controller(Machine):
         if runner is not None:
             self.stream.note("cancel_demanded")
             self.stream.react(runner.cancel())
-        elif self.stream.reserved is not None:
-            self.stream.reserved_cancelled = True
+        elif self.stream.beginning.reserved is not None:
+            self.stream.beginning.cancel()
         elif not (had_manual or under_way or jogged):
             raise ProblemError("wrong_state", f"Nothing is running on {self.name}.")
 
@@ -270,6 +275,7 @@ class Controller(Machine):
             end = (await self.ask(make)).end
             if isinstance(end, CommandFailed):
                 return {"code": end.code, "message": end.message}
+        self.tools.typed(block, turret=self.hand is not None)
         return None
 
     async def jog(self, axes: dict[str, float], feed: float) -> None:

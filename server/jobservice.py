@@ -18,7 +18,7 @@ from jobs.delivery import Policy
 from jobs.job import ENDED, Status
 from jobs.store import Row
 from protocol.commands import OnError
-from server import jobmodes
+from server import jobmodes, newjob
 from server.clock import Clock, stamp
 from server.controller import Controller
 from server.dbthread import Db
@@ -126,7 +126,10 @@ class JobService:
         machine = self.machines.get(row["machine"])
         if machine is not None and (live := machine.stream.view()) is not None and live["id"] == row["id"]:
             return live
-        return job_view(row, self.clock)
+        view = job_view(row, self.clock)
+        if machine is not None and machine.stream.beginning.reserved == row["id"]:
+            view["cancelling"] = machine.stream.beginning.cancelled
+        return view
 
     async def recover(
         self, job_id: int, action: str | None = None, line: int | None = None, wish: ReentryWish = AS_CONFIGURED
@@ -168,18 +171,18 @@ class JobService:
         if idempotency_key is not None:
             known = await self.db.run(store.job_by_key, idempotency_key)
             if known is not None:
-                return self._view(_same_request(known, request_hash))
+                return self._view(newjob.same_request(known, request_hash))
         program = await self._programs.get(program_id)
         report = await self._programs.check(program_id, machine=machine)
-        _refuse_errors(report)
+        newjob.refuse_errors(report)
         source = source_program or program["source_program"]
         if report["expanded_lines"] is not None:
             source, program = program_id, await self._programs.expanded(program)
-            _refuse_lines_of_source(program, start_line, end_line)
-        first, last = _lines(program, start_line, end_line)
+            newjob.refuse_lines_of_source(program, start_line, end_line)
+        first, last = newjob.lines_of(program, start_line, end_line)
         self._starter.check_line(machine, first)
         if not force:
-            _refuse_warnings(report)
+            newjob.refuse_warnings(report)
         fields = {
             "machine": machine,
             "program": program["id"],
@@ -200,7 +203,7 @@ class JobService:
         made = await self.db.run(store.create_job, fields, at=stamp(self.clock), queue_limit=self._queue_limit)
         if made is None:
             raise ProblemError("queue_full", f"{self._queue_limit} jobs wait for {machine} (server.queue_limit).")
-        row = _same_request(made, request_hash)
+        row = newjob.same_request(made, request_hash)
         self._hub.publish("job", machine, self._view(row))
         await self._background.finish(self.start_next(machine))
         return await self.get(row["id"])
@@ -336,7 +339,7 @@ class JobService:
             log.info("%s: job %d is put on hold: %s", controller.name, row["id"], problem)
             await self.db.run(store.hold_queue, controller.name)
             return None
-        controller.stream.reserve(row["id"])
+        controller.stream.beginning.reserve(row["id"])
         return row
 
     async def adopt(self) -> None:
@@ -348,48 +351,3 @@ class JobService:
     async def close(self) -> None:
         """The daemon ends: what still goes on beside it does not."""
         await self._background.close()
-
-
-def _same_request(row: Row, request_hash: str) -> Row:
-    if row["request_hash"] != request_hash:
-        raise ProblemError(
-            "idempotency_conflict", f"This Idempotency-Key was used for job {row['id']}, which is another."
-        )
-    return row
-
-
-def _refuse_errors(report: Mapping[str, Any]) -> None:
-    errors = report["errors"]
-    if any(error["code"] == "no_blocks" for error in errors):
-        raise ProblemError("empty_program", "The program has no blocks to execute.")
-    if errors:
-        worst = errors[0]
-        detail = f"Line {worst['line']}: {worst['message']}. Mend the program; errors cannot be forced."
-        raise ProblemError("preflight_failed", detail, report=report)
-
-
-def _refuse_warnings(report: Mapping[str, Any]) -> None:
-    if report["warnings"]:
-        worst = report["warnings"][0]
-        detail = f'Line {worst["line"]}: {worst["message"]}. Look at the report; "force": true runs it all the same.'
-        raise ProblemError("preflight_warnings", detail, report=report)
-
-
-def _refuse_lines_of_source(expanded: Mapping[str, Any], start_line: int | None, end_line: int | None) -> None:
-    """A line within a loop or a subprogram is executed more than once, or never: it is no place to begin at."""
-    if start_line is not None or end_line is not None:
-        raise ProblemError(
-            "invalid_request",
-            f"This program is run as {expanded['name']}, program {expanded['id']}, which has {expanded['lines']} lines "
-            "with the number of the line they came from. Queue that one with start_line and end_line.",
-            expanded_program=expanded["id"],
-        )
-
-
-def _lines(program: Mapping[str, Any], start_line: int | None, end_line: int | None) -> tuple[int, int]:
-    first, last = start_line or 1, end_line or program["lines"]
-    if not 1 <= first <= last <= program["lines"]:
-        raise ProblemError(
-            "invalid_request", f"Lines {first} to {last} are not in {program['name']}, which has {program['lines']}."
-        )
-    return first, last

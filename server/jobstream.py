@@ -24,6 +24,7 @@ from jobs.store import Row
 from protocol.engine import Engine, OpenWork
 from protocol.events import BatchSent, Event
 from protocol.machine import MachineState
+from server.beginning import Beginning
 from server.clock import Clock, seconds_since, stamp
 from server.dbthread import Db
 from server.hub import Hub
@@ -56,9 +57,7 @@ class JobStream:
         self.machine = machine
         self.runner: Runner | None = None
         self.row: Row | None = None
-        self.reserved: int | None = None
-        """The job whose program is being read, and whether somebody does not want it to begin any more."""
-        self.reserved_cancelled = False
+        self.beginning = Beginning(machine, db=db, hub=hub, clock=clock)
         self.on_status: Callable[[Status], None] = lambda _status: None
         self.ask_changer: Callable[[ToolAsk], None] = lambda _ask: None
         self.on_end: Callable[[Status, str], None] = lambda _status, _code: None
@@ -87,15 +86,15 @@ class JobStream:
     @property
     def status(self) -> Status | None:
         """Of the job that has this machine."""
-        if self.reserved is not None:
+        if self.beginning.reserved is not None:
             return Status.CHECKING
         return None if self.runner is None else self.runner.status
 
     @property
     def active_job(self) -> int | None:
         """The id of the job that has this machine."""
-        if self.reserved is not None:
-            return self.reserved
+        if self.beginning.reserved is not None:
+            return self.beginning.reserved
         return None if self.runner is None else self.runner.job_id
 
     @property
@@ -107,7 +106,8 @@ class JobStream:
         """The job as people see it, from the runner, which knows more than the database."""
         if self.row is None or self.runner is None:
             return None
-        return job_view(self.row, self._clock, self.runner, self._left())
+        view = job_view(self.row, self._clock, self.runner, self._left())
+        return {**view, "hold": True} if self.beginning.wanted and self.beginning.held else view
 
     def _left(self) -> Left | None:
         """How long the job will still take."""
@@ -115,15 +115,6 @@ class JobStream:
             return None
         cursor = self.runner.ledger.cursor
         return self._pace.left(self._loop.time(), Reach(cursor.done, cursor.sent, self.row["end_line"]))
-
-    def reserve(self, job: int) -> None:
-        """Nothing else may use the machine while this job's program is read."""
-        self.reserved, self.reserved_cancelled = job, False
-
-    def release(self) -> bool:
-        """The program is read; whether the job may still begin."""
-        self.reserved = None
-        return not self.reserved_cancelled
 
     # --- the job ----------------------------------------------------------------------------------------------
 

@@ -39,6 +39,10 @@ class Recovery:
         self, controller: Controller, row: Row, action: str, line: int | None, wish: ReentryWish = AS_CONFIGURED
     ) -> None:
         """Raises ProblemError, and nothing is changed."""
+        with controller.stream.beginning.going_on(row["id"]):
+            await self._go_on(controller, row, action, line, wish)
+
+    async def _go_on(self, controller: Controller, row: Row, action: str, line: int | None, wish: ReentryWish) -> None:
         past = await self._past(controller, row)
         if action == "continue":
             await self._check_continue(controller, row, past.position)
@@ -72,12 +76,14 @@ class Recovery:
         assert runner is not None
         controller.stream.react(runner.forget())
         controller.stream.note("recover", job=row["id"], action=action, line=plan.line)
-        self._db.post(store.set_hold, row["id"], False)
+        hold = controller.stream.beginning.held  # somebody paused it while the program was read
+        self._db.post(store.set_hold, row["id"], hold)
         self._starter.run_plan(
             controller,
-            {**row, "hold": 0},
+            {**row, "hold": hold},
             plan,
             before=Status.INTERRUPTED,
+            hold=hold,
             next_seq=past.next_seq,
             seconds=past.seconds_done,
         )

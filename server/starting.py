@@ -104,7 +104,11 @@ class Starter:
         """Plan the program and begin. The machine is reserved for this job. False: it does not wait any more."""
         try:
             if not await self.leave_queue(row, Status.CHECKING):
-                return False
+                if not controller.stream.beginning.held:
+                    return False
+                # Whoever pauses in the moment in which a job is chosen wants no other to begin in its place.
+                await self._db.run(store.hold_queue, controller.name)
+                return True
             held = await held_by(controller)
             plan = await self.worker.run(
                 self.planning.start,
@@ -122,7 +126,7 @@ class Starter:
             await self._db.run(store.hold_queue, controller.name)
             return True
         finally:
-            wanted = controller.stream.release()
+            wanted = controller.stream.beginning.release()
         if wanted and entered:
             await self._begin(controller, row, plan, held)
         elif wanted:
@@ -158,7 +162,7 @@ class Starter:
             return
         if held is not None:
             controller.stream.note(STARTED_IN, job=row["id"], **held.to_json())
-        self.run_plan(controller, row, plan, before=Status.CHECKING)
+        self.run_plan(controller, row, plan, before=Status.CHECKING, hold=controller.stream.beginning.held)
 
     def _check_stands_there(self, controller: Controller, held: Held | None) -> None:
         """Frames were worked out from one place. Raises ProblemError where the machine is not known to stand there."""
@@ -166,9 +170,18 @@ class Starter:
             raise ProblemError("wrong_state", f"{controller.name} does not stand any more where it was planned from.")
 
     def run_plan(
-        self, controller: Controller, row: Row, plan: Plan, *, before: Status, next_seq: int = 1, seconds: float = 0.0
+        self,
+        controller: Controller,
+        row: Row,
+        plan: Plan,
+        *,
+        before: Status,
+        hold: bool,
+        next_seq: int = 1,
+        seconds: float = 0.0,
     ) -> None:
-        """Give the machine to the job. Nothing is awaited since the check that it may."""
+        """Give the machine to the job. Nothing is awaited since the check that it may. `hold`: it stands still before
+        its first line, until somebody lets it go on."""
         if controller.hand is not None:
             controller.hand.forget()
         runner = Runner(
@@ -189,7 +202,7 @@ class Starter:
             controller.stream.note("prologue", job=row["id"], line=plan.line, blocks=list(plan.prologue))
         # A daemon that dies within the first second must not leave a job without a sign of life (elvinto §5.5).
         controller.stream.alive()
-        controller.stream.begin(row, runner, runner.begin())
+        controller.stream.begin(row, runner, runner.begin(hold=hold))
         self._background.begin(self._estimates.supply(controller, row, runner))
 
     async def set_status(self, row: Row, status: Status, error: JobError | None = None) -> None:

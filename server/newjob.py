@@ -1,0 +1,60 @@
+"""What keeps a job from being queued: the check of its program, lines that it does not have, a key used twice.
+
+Not the check (gcode/check/) and not the queue (jobservice.py). The one rule: errors of a program are never forced;
+everything else that is refused here says what would make it go.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from jobs.store import Row
+from server.problems import ProblemError
+
+
+def same_request(row: Row, request_hash: str) -> Row:
+    """The row, where it was made by this request. Raises ProblemError where by another."""
+    if row["request_hash"] != request_hash:
+        raise ProblemError(
+            "idempotency_conflict", f"This Idempotency-Key was used for job {row['id']}, which is another."
+        )
+    return row
+
+
+def refuse_errors(report: Mapping[str, Any]) -> None:
+    """Raises ProblemError where the check has found errors."""
+    errors = report["errors"]
+    if any(error["code"] == "no_blocks" for error in errors):
+        raise ProblemError("empty_program", "The program has no blocks to execute.")
+    if errors:
+        worst = errors[0]
+        detail = f"Line {worst['line']}: {worst['message']}. Mend the program; errors cannot be forced."
+        raise ProblemError("preflight_failed", detail, report=report)
+
+
+def refuse_warnings(report: Mapping[str, Any]) -> None:
+    """Raises ProblemError where the check has found warnings, which can be forced."""
+    if report["warnings"]:
+        worst = report["warnings"][0]
+        detail = f'Line {worst["line"]}: {worst["message"]}. Look at the report; "force": true runs it all the same.'
+        raise ProblemError("preflight_warnings", detail, report=report)
+
+
+def refuse_lines_of_source(expanded: Mapping[str, Any], start_line: int | None, end_line: int | None) -> None:
+    """A line within a loop or a subprogram is executed more than once, or never: it is no place to begin at."""
+    if start_line is not None or end_line is not None:
+        raise ProblemError(
+            "invalid_request",
+            f"This program is run as {expanded['name']}, program {expanded['id']}, which has {expanded['lines']} lines "
+            "with the number of the line they came from. Queue that one with start_line and end_line.",
+            expanded_program=expanded["id"],
+        )
+
+
+def lines_of(program: Mapping[str, Any], start_line: int | None, end_line: int | None) -> tuple[int, int]:
+    """The first and the last line of a job. Raises ProblemError where the program does not have them."""
+    first, last = start_line or 1, end_line or program["lines"]
+    if not 1 <= first <= last <= program["lines"]:
+        raise ProblemError(
+            "invalid_request", f"Lines {first} to {last} are not in {program['name']}, which has {program['lines']}."
+        )
+    return first, last
