@@ -160,6 +160,15 @@ def m013_history_anchor(db: Database) -> None:
     db.execute("create index jobs_unsealed on jobs (id) where sealed = 0")
 
 
+@migrations()
+def m014_tool_events(db: Database) -> None:
+    """What happened at tool changers, without a job too, is found without reading all of the history."""
+    db.execute("""
+        create index events_of_tools on events (machine, id)
+        where substr(type, 1, 2) = 'io' or substr(type, 1, 4) = 'tool'
+    """)
+
+
 def prepare(db: Database) -> None:
     """Set the connection up and bring the tables to the newest state."""
     db.execute("pragma journal_mode = wal")

@@ -18,6 +18,9 @@ from protocol.iocontrol import tooltable
 from protocol.iocontrol.config import AbortReason
 from protocol.iocontrol.control import IoControl
 from protocol.iocontrol.events import (
+    AbortAcknowledged,
+    AbortSignalled,
+    AnswerIgnored,
     ChangeFailed,
     ChangeStarted,
     EStopCleared,
@@ -28,6 +31,7 @@ from protocol.iocontrol.events import (
     OperatorMessage,
     PinChanged,
     PrepareFailed,
+    RequestIgnored,
     SetToolFailed,
     Snapshot,
     TableChanged,
@@ -257,8 +261,6 @@ class ChangerShell:
         match event:
             case PinChanged():
                 self._pin(event)
-            case Transition():
-                self._job.note("io", region=event.region, before=event.before, after=event.after, why=event.why)
             case Snapshot(pins=pins):
                 self._tell_pins()
                 self._hub.publish("io", self.machine, {"pins": dict(pins)})
@@ -267,22 +269,39 @@ class ChangerShell:
                 self._job.note("tool_message", level=level, message=text)
             case WaitingFor():
                 self._waiting(event)
+            case EStopped(kind=kind):
+                self._job.note("tool_estop", by=kind)
+                if kind == "external":
+                    self.on_estop()
+            case TableChanged():
+                self._keep()
+            case _:
+                self._record(event)
+                self._end(event)
+
+    def _record(self, event: Event) -> None:
+        """What is only written down."""
+        match event:
+            case Transition():
+                self._job.note("io", region=event.region, before=event.before, after=event.after, why=event.why)
             case FaultLatched(reason=reason):
                 self._keep()
                 self._job.note("tool_fault", reason=reason)
             case FaultCleared(by=by):
                 self._keep()
                 self._job.note("tool_fault_cleared", by=by)
-            case EStopped(kind=kind):
-                self._job.note("tool_estop", by=kind)
-                if kind == "external":
-                    self.on_estop()
+            case AbortSignalled(reason=reason):
+                self._job.note("tool_abort", reason=reason)
+            case AbortAcknowledged(reason=reason):
+                self._job.note("tool_abort_acknowledged", reason=reason)
             case EStopCleared():
                 self._job.note("tool_estop_reset")
-            case TableChanged():
-                self._keep()
+            case AnswerIgnored(pin=pin, why=why):
+                self._job.note("tool_answer_ignored", pin=pin, why=why)
+            case RequestIgnored(what=what, why=why):
+                self._job.note("tool_request_ignored", what=what, why=why)
             case _:
-                self._end(event)
+                pass
 
     def _end(self, event: Event) -> None:
         """The ends of requests: kept first, then told to the job."""
@@ -342,6 +361,7 @@ class ChangerShell:
     def _tell_pins(self) -> None:
         if self._pins:
             pins, self._pins = self._pins, {}
+            self._job.note("io_pins", pins=[[pin, value] for pin, value in pins.items()])  # a list keeps its order
             self._hub.publish("io", self.machine, {"pins": pins})
 
     # --- what outlives the daemon -----------------------------------------------------------------------------

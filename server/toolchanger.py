@@ -10,12 +10,18 @@ from datetime import timedelta
 from types import MappingProxyType
 from typing import Any
 
+from gcode.words import parse_block
+from jobs import history
+from jobs.toolblocks import set_by
 from protocol.errors import LocalError
 from protocol.iocontrol.pins import PINS, Pin, PinError
 from server.changershell import ChangerShell
 from server.hub import rfc3339
 from server.problems import ProblemError
 from server.toolviews import io_view, table_of, table_view
+
+EVENTS_LISTED = 10_000
+"""Most events of one answer."""
 
 
 class ToolChanger(ChangerShell):
@@ -63,6 +69,18 @@ class ToolChanger(ChangerShell):
         with self._verb() as now:
             self.io.set_tool(number, now)
 
+    def typed(self, block: str, *, turret: bool) -> None:
+        """A block that somebody has typed is executed: it may have brought another tool. `turret`: a T turns it at
+        once. Where the machine asks for the tool of an M6, that dialogue is open already."""
+        parsed = parse_block(block)
+        codes, number = {word.code for word in parsed.words}, set_by(parsed)
+        if "M61" in codes and number is not None and not self.io.change_pending:
+            with self._verb() as now:
+                self.io.set_tool(number, now)
+        elif ("M6" in codes or (turret and "T" in {word.letter for word in parsed.words})) and not self._asked():
+            self.io.doubt_tool()
+            self._job.note("tool_by_hand", block=block)
+
     # --- the changer ------------------------------------------------------------------------------------------
 
     def drive(self, levels: Mapping[str, object], by: object = None) -> None:
@@ -81,6 +99,13 @@ class ToolChanger(ChangerShell):
             self._connection = None
             with self._verb() as now:
                 self.io.disconnect(now)
+
+    async def events(self, after: int = 0) -> list[dict[str, Any]]:
+        """What happened here, with a job or without: those with an `id` above `after`, oldest first."""
+        found: list[dict[str, Any]] = await self._db.run(
+            history.of_tools, self.machine, limit=EVENTS_LISTED, after=after
+        )
+        return found
 
     # --- the tool table ---------------------------------------------------------------------------------------
 

@@ -7,9 +7,10 @@ refused with 409.
 from fastapi import FastAPI
 from starlette.responses import Response
 
-from server.api.iomodels import IoView, PinsRequest, ToolRequest, ToolsRequest, ToolsView
+from server.api.iomodels import After, IoView, PinsRequest, ToolRequest, ToolsRequest, ToolsView
 from server.api.machinemodels import Accepted
 from server.api.machines import MachineName, accepted, find
+from server.api.models import JobEventView
 from server.api.routing import Routes, json_response
 from server.api.services import ChangerControl, Services
 from server.auth import Role
@@ -55,6 +56,18 @@ def _pins(app: FastAPI, services: Services) -> None:
         changer = changer_of(services, m)
         changer.drive(body.pins)
         return json_response(changer.io_view())
+
+    @routes.add(
+        "GET",
+        "/machines/{m}/io/events",
+        role=Role.VIEWER,
+        summary="Show what happened at the tool changer",
+        model=list[JobEventView],
+        errors=("unknown_machine",),
+    )
+    async def get_io_events(m: MachineName, after: After = 0) -> Response:
+        """Every change of a pin and of a state, and what came of it, with a job or without."""
+        return json_response(await changer_of(services, m).events(after))
 
 
 def _people(app: FastAPI, services: Services) -> None:

@@ -6,6 +6,7 @@ refused.
 
 from typing import Annotated, Any, Literal
 
+from fastapi import Query
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictInt, model_validator
 
 from protocol.iocontrol.pins import PINS
@@ -14,6 +15,7 @@ from server.api.models import TIME, example, request_example
 
 MAX_TABLE_CHARS = 1_000_000
 
+After = Annotated[int, Query(ge=0, le=2**53, description="Only events with a higher `id`")]
 Levels = Annotated[dict[str, StrictBool | StrictInt], Field(max_length=len(PINS))]
 
 

@@ -1,6 +1,8 @@
-"""docs/toolchanger.md against the pins, the settings and the reasons of a block."""
+"""docs/toolchanger.md against the pins, the settings and the reasons of a block, and what is written of it."""
 
+import re
 from dataclasses import fields
+from pathlib import Path
 
 from protocol.iocontrol.config import KIND_JUMPERS, AbortReason, IoConfig
 from protocol.iocontrol.pins import PINS
@@ -38,3 +40,10 @@ def test_every_reason_is_documented() -> None:
     listed = text[text.index("`emc-reason`: 1") :].split("\n\n", 1)[0].replace("\n", " ")
     numbers = [int(part.split(":")[-1].split()[0]) for part in listed.split("·")]
     assert numbers == [int(reason) for reason in AbortReason]
+
+
+def test_everything_that_is_written_into_the_history_is_documented() -> None:
+    server = Path(__file__).parents[2] / "server"
+    code = "".join((server / name).read_text(encoding="utf-8") for name in ("changershell.py", "toolchanger.py"))
+    documented = [kind for row in rows(page("toolchanger.md"), "type", "what") for kind in row[0].split()]
+    assert sorted(documented) == sorted(set(re.findall(r'note\(\s*"(\w+)"', code)))

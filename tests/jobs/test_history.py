@@ -149,3 +149,17 @@ def test_an_anchor_that_no_event_vouches_for_is_found() -> None:
         db.execute(history.SET_ANCHOR, [cut["id"], cut["hash"], AT])
         db.execute("delete from events where id <= 3")
         assert [fault.event for fault in history.faults(db)] == [3]
+
+
+def test_events_of_a_tool_changer_are_found_without_reading_all_of_the_history() -> None:
+    with database() as db:
+        filled(db)
+        for machine, kind, job in (("router", "io", None), ("mill", "io", 1), ("router", "tool_changed", 1)):
+            history.append(db, at=AT, kind=kind, data={"kind": kind}, machine=machine, job=job)
+        events = history.of_tools(db, "router", limit=9)
+        assert [event["type"] for event in events] == ["io", "tool_changed"]
+        assert [event["type"] for event in history.of_tools(db, "router", limit=9, after=events[0]["id"])] == [
+            "tool_changed"
+        ]
+        plan = db.query(f"explain query plan {history.OF_TOOLS} and machine = ? and id > ?", ["router", 0])
+        assert "events_of_tools" in next(plan)["detail"]
