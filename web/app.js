@@ -50,7 +50,7 @@ effect(() => {
   speak(spoken.value).then(() => {
     const button = document.getElementById("estop");
     if (button) button.textContent = t("estop.label");
-    button?.setAttribute("aria-label", t("estop.title"));
+    button?.setAttribute("aria-label", `${t("estop.label")}: ${t("estop.title")}`);
     words.sent = t("estop.sent");
     words.failed = t("estop.failed");
   }, () => {});

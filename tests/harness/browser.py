@@ -10,6 +10,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,6 +25,7 @@ FLAGS = (
 )  # fmt: skip
 WITHIN_MS = 20_000
 """For everything that takes a moment on a computer that has nothing else to do."""
+AXE = Path(__file__).parents[1] / "web" / "vendor" / "axe.js"
 DESK, TABLET, PHONE = (1920, 1080), (1024, 768), (390, 844)
 
 
@@ -99,3 +101,17 @@ def screen(browser: Browser, url: str, size: tuple[int, int] = DESK, **options: 
         assert not one.complaints(), "\n".join(one.complaints())
     finally:
         context.close()
+
+
+def serious(page: Page, *rules: str) -> list[str]:
+    """What axe-core finds serious or critical on the page as it stands; of all its rules, or of these."""
+    if not page.evaluate("'axe' in window"):
+        page.evaluate(f"{AXE.read_text(encoding='utf-8')}; 0")
+    options = {"resultTypes": ["violations"], **({"runOnly": {"type": "rule", "values": rules}} if rules else {})}
+    found = page.evaluate("(options) => axe.run(document, options).then(({violations}) => violations)", options)
+    return [
+        f"{one['id']} ({one['impact']}): {node['html'][:160]} {node['failureSummary'][:300]}"
+        for one in found
+        if one["impact"] in ("serious", "critical")
+        for node in one["nodes"]
+    ]

@@ -15,6 +15,8 @@ from tests.harness.browser import Screen, chromium, screen
 from tests.harness.process import MACHINE, Daemon, daemon, until
 
 MILL = "sim:?speed_factor=4"
+GRBL = "sim:?speed_factor=3"
+REACH = "motion = {travel = {x = [-200.0, 0.0], y = [-200.0, 0.0], z = [-60.0, 0.0]}}"
 OPEN = "queued,checking,running,paused,waiting,interrupted"
 
 
@@ -28,6 +30,18 @@ def browser() -> Iterator[Browser]:
 def shared(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
     with daemon(tmp_path_factory.mktemp("dashboard"), MILL) as one:
         yield one.connected()
+
+
+@pytest.fixture(scope="session")
+def shared_grbl(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    with daemon(tmp_path_factory.mktemp("grbl"), GRBL, grbl="", machine=REACH) as one:
+        yield one.connected()
+
+
+@pytest.fixture
+def grbl(shared_grbl: Daemon) -> Daemon:
+    """A daemon with a connected virtual Grbl; each test leaves the controller as it was."""
+    return shared_grbl
 
 
 @pytest.fixture

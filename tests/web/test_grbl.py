@@ -1,9 +1,9 @@
 """The dashboard in front of a Grbl: overrides, coolant, settings with backups, a reset in the middle of a job."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 
 from tests.harness.browser import PHONE, Screen
 from tests.harness.process import Daemon, until
@@ -13,16 +13,6 @@ pytestmark = pytest.mark.real
 PART = "G21 G90\nM3 S1000\nG0 Z5\n" + "".join(f"G1 X{i % 20} Y{i % 7} F900\n" for i in range(1, 150)) + "M30\n"
 WITHIN_MS = 30_000
 """Grbl writes each setting into its EEPROM, and the daemon reads it back."""
-
-
-@pytest.fixture(scope="module")
-def grbl(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """One for all of these tests: each leaves the controller as it was."""
-    one = Daemon(tmp_path_factory.mktemp("grbl"), "sim:?speed_factor=3", grbl="")
-    try:
-        yield one.start().connected()
-    finally:
-        one.kill9()
 
 
 def test_overrides_and_coolant_show_what_the_controller_reports(grbl: Daemon, screens: Callable[..., Screen]) -> None:

@@ -1,29 +1,18 @@
 """What a Grbl keeps besides its settings, its reach in the preview, and the plots of what it does, in a browser."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 
 from tests.harness.browser import PHONE, TABLET, Screen
 from tests.harness.process import Daemon, until
 
 pytestmark = pytest.mark.real
 
-REACH = "motion = {travel = {x = [-200.0, 0.0], y = [-200.0, 0.0], z = [-60.0, 0.0]}}"
 WAY = "G21 G90\nG0 Z5\n" + "".join(f"G1 X{i % 20} Y{i % 7} F900\n" for i in range(1, 100)) + "M30\n"
 DRIVER = r"GL Driver Message|GPU stall"
 WITHIN_MS = 30_000
-
-
-@pytest.fixture(scope="module")
-def grbl(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """One for all of these tests: each leaves the controller as it was."""
-    one = Daemon(tmp_path_factory.mktemp("registers"), "sim:?speed_factor=3", grbl="", machine=REACH)
-    try:
-        yield one.start().connected()
-    finally:
-        one.kill9()
 
 
 def offsets(grbl: Daemon, name: str) -> dict[str, float]:

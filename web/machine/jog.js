@@ -94,10 +94,10 @@ function Feed() {
   };
   return html`<div class="feed">
     <label for="jog-feed">${t("jog.feed")}</label>
-    <button type="button" class="button" aria-label=${t("jog.slower")} onClick=${() => set(jogFeed.value / 2)}>÷2</button>
+    <button type="button" class="button" aria-label=${`÷2: ${t("jog.slower")}`} onClick=${() => set(jogFeed.value / 2)}>÷2</button>
     <input id="jog-feed" type="number" inputmode="numeric" min=${MIN_FEED} max=${MAX_FEED} value=${jogFeed.value}
       onChange=${(/** @type {any} */ event) => set(event.target.valueAsNumber)} />
-    <button type="button" class="button" aria-label=${t("jog.faster")} onClick=${() => set(jogFeed.value * 2)}>×2</button>
+    <button type="button" class="button" aria-label=${`×2: ${t("jog.faster")}`} onClick=${() => set(jogFeed.value * 2)}>×2</button>
     <span class="unit">mm/min</span>
   </div>`;
 }

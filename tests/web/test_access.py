@@ -1,0 +1,83 @@
+"""Who cannot see, cannot use a mouse or wants nothing to move: axe-core on every view and dialog, light and dark."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.harness.browser import Screen, serious
+from tests.harness.process import Daemon
+
+pytestmark = pytest.mark.real
+
+FAULTY = "G21 G90\nG28\nM3 S900\nG1 X5 F1000\nG55\nM30\n"
+WARNED = "G21 G90\nG28\nM3 S900\nG1 X4 F1000\nM30\n"
+DARK_TOO = ("color-contrast", "link-in-text-block")
+"""All that depends on colours; the rest is the same in light and dark."""
+
+
+class Look:
+    """Goes through what one person sees; everything found is told at the end, together."""
+
+    def __init__(self, one: Screen) -> None:
+        self.one = one
+        self.found: list[str] = []
+
+    def here(self, what: str) -> None:
+        self.one.page.emulate_media(color_scheme="light")
+        self.found += [f"{what}, light: {one}" for one in serious(self.one.page)]
+        self.one.page.emulate_media(color_scheme="dark")
+        self.found += [f"{what}, dark: {one}" for one in serious(self.one.page, *DARK_TOO)]
+
+    def at(self, *places: str) -> None:
+        for place in places:
+            self.one.go(place)
+            expect(self.one.page.locator("main .panel:visible").first).to_be_visible()
+            self.here(place)
+
+    def dialog(self, name: str, press: Callable[[], Any]) -> None:
+        press()
+        expect(self.one.named(name)).to_be_visible()
+        self.here(name)
+        self.one.page.keyboard.press("Escape")
+        expect(self.one.named(name)).to_have_count(0)
+
+    def well(self) -> None:
+        assert not self.found, "\n".join(self.found)
+
+
+def test_every_view_of_a_mill(person: Screen, mill: Daemon) -> None:
+    program = mill.http.post("/api/v1/programs?name=faulty.nc", content=FAULTY).json()["id"]
+    job = mill.job(WARNED)
+    mill.status(job, "completed")
+    look = Look(person)
+    look.at("mill/machine", "mill/plots", "mill/programs", f"mill/programs/{program}", "mill/jobs", f"mill/jobs/{job}")
+    look.at("mill/console", "mill/card", "mill/tools")
+    person.named("menu").click()
+    look.here("menu")
+    look.well()
+
+
+def test_every_dialog_of_a_mill(person: Screen, mill: Daemon) -> None:
+    look = Look(person)
+    look.dialog("ask-zero", lambda: person.press("zero-all"))
+    program = mill.http.post("/api/v1/programs?name=warned.nc", content=WARNED).json()["id"]
+    person.go(f"mill/programs/{program}")
+    look.dialog("ask-delete", lambda: person.press("delete"))
+    expect(person.named("report")).to_be_visible()
+    look.dialog("warnings", lambda: person.press("run"))
+    look.dialog("call", lambda: mill.post("/machines/mill/estop"))
+    look.here("the strip of a call")
+    look.well()
+
+
+def test_every_view_of_a_grbl(grbl: Daemon, screens: Callable[..., Screen]) -> None:
+    one = screens(grbl.url)
+    one.go("mill/settings")
+    expect(one.page.locator("#setting-110")).to_be_visible()
+    look = Look(one)
+    look.here("settings")
+    look.at("mill/machine", "mill/settings/offsets", "mill/settings/controller")
+    look.dialog("defaults-ask", lambda: one.press("defaults-settings"))
+    look.well()
