@@ -108,6 +108,7 @@ class Workshop:
             checks=self._worker("checks"),
             toolpaths=Toolpaths(store, planning.motion_of, maker=self._worker("drawings"), files=files),
             pieces=pieces,
+            tools=lambda name: self.changers[name].known_tools,
             max_upload_bytes=config.server.max_upload_bytes,
         )
         self.machines = {machine.name: await self._controller(machine) for machine in config.machine}

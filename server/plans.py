@@ -215,13 +215,14 @@ class Planning:
         blocks = (block for batch in batches if batch is not None for block in batch.blocks)
         return list(islice(blocks, PREVIEW_BLOCKS))
 
-    def check(self, piece: Workpiece, program: str) -> dict[str, Any]:
-        """The report of the check before a run, as JSON."""
+    def check(self, piece: Workpiece, program: str, tools: frozenset[int] | None = None) -> dict[str, Any]:
+        """The report of the check before a run, as JSON. `tools`: those of the tool table, None: there is none."""
         options = CheckOptions(
             convert_inches=piece.convert_inches,
             max_block_bytes=piece.limits.longest_block_bytes,
             encoding=piece.encoding,
             baud=piece.baud,
+            tools=tools,
         )
         if piece.frames is not None:
             report = check_stored_frames(self._programs, program, piece.profile, piece.motion, piece.frames, options)

@@ -6,7 +6,7 @@ The one rule: an upload is complete and durable, or there is nothing of it; it i
 import asyncio
 import errno
 from collections import OrderedDict
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
@@ -44,7 +44,7 @@ def disk_problem(error: OSError, what: str = "program") -> Exception:
 
 
 class ProgramService:
-    """See the head of this file. `pieces` are the machines' profiles by name."""
+    """See the head of this file. `pieces` are the machines' profiles by name, `tools` what is in a machine's table."""
 
     def __init__(
         self,
@@ -57,6 +57,7 @@ class ProgramService:
         checks: Worker,
         toolpaths: Toolpaths,
         pieces: Mapping[str, Workpiece],
+        tools: Callable[[str], frozenset[int] | None],
         max_upload_bytes: int,
     ) -> None:
         self._programs = programs
@@ -68,10 +69,11 @@ class ProgramService:
         self._checks = checks
         self._toolpaths = toolpaths
         self._pieces = pieces
+        self._tools = tools
         self._max_upload_bytes = max_upload_bytes
         self._version = version("millstream")
         self._expanding = asyncio.Lock()
-        self._checked: OrderedDict[tuple[str, str], dict[str, Any]] = OrderedDict()
+        self._checked: OrderedDict[tuple[str, str, frozenset[int] | None], dict[str, Any]] = OrderedDict()
 
     async def store(self, chunks: AsyncIterator[bytes], name: str) -> tuple[dict[str, Any], bool]:
         """Keep an upload; the program and whether its content is new. Raises ProblemError."""
@@ -132,12 +134,14 @@ class ProgramService:
         """The check before a run, against a machine or a profile. Raises ProblemError."""
         piece, name = self._piece(machine, profile)
         await self.get(program_id)
-        known = self._checked.get((program_id, name))
+        tools = None if machine is None else self._tools(machine)
+        key = program_id, name, tools  # so that what was found with another tool table is not found again
+        known = self._checked.get(key)
         if known is not None:
-            self._checked.move_to_end((program_id, name))
+            self._checked.move_to_end(key)
             return known
-        report: dict[str, Any] = await self._read(program_id, self._planning.check, piece, program_id, slow=True)
-        self._checked[program_id, name] = report
+        report: dict[str, Any] = await self._read(program_id, self._planning.check, piece, program_id, tools, slow=True)
+        self._checked[key] = report
         if len(self._checked) > CHECKS_KEPT:
             self._checked.popitem(last=False)
         return report

@@ -118,6 +118,12 @@ class ToolChanger(ChangerShell):
         """The tool table."""
         return table_view(self.io)
 
+    @property
+    def known_tools(self) -> frozenset[int] | None:
+        """The numbers that a T finds; None: every number is a tool."""
+        table = self.io.tool_table
+        return None if table is None else table.numbers
+
     def replace_table(self, text: str | None, tools: Sequence[dict[str, Any]] | None) -> dict[str, Any]:
         """Another tool table. Raises ProblemError."""
         table, warnings = table_of(text, tools, random=self.config.random)

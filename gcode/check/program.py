@@ -19,6 +19,7 @@ from gcode.check.moves import Moves
 from gcode.check.piece import Piece, Reporter
 from gcode.check.source import Fingerprint
 from gcode.check.summary import Summary
+from gcode.check.tools import ToolRules
 from gcode.check.travel import TravelRules
 from gcode.check.words import WordRules
 from gcode.columns import Columns, read_columns
@@ -38,8 +39,9 @@ class CheckOptions(TypedDict, total=False):
     machine's own (homed, the envelope control on). `block_delete`: lines with `/` are left out. `convert_inches`:
     lengths after G20 are converted, so it is no error. `max_block_bytes`: what the machine takes, where that is not
     what the profile says. `encoding`: of comments. `first_line`: the number of the first line. `baud`: of the link,
-    bit/s. `feed_override`, `rapid_override`: factors for `seconds_overridden`. `piece_bytes`: how much is worked on at
-    once, where not as much as is fastest; memory grows with it.
+    bit/s. `tools`: those of the tool table, None: every number is a tool. `feed_override`, `rapid_override`: factors
+    for `seconds_overridden`. `piece_bytes`: how much is worked on at once, where not as much as is fastest; memory
+    grows with it.
     """
 
     position: Position | None
@@ -50,6 +52,7 @@ class CheckOptions(TypedDict, total=False):
     encoding: str
     first_line: int
     baud: int | None
+    tools: frozenset[int] | None
     feed_override: float
     rapid_override: float
     piece_bytes: int
@@ -72,6 +75,8 @@ class Checker:
         reporter = Reporter(self._found)
         self._reporter = reporter
         self._words = WordRules(profile, reporter, options.get("max_block_bytes") or profile.max_block_bytes)
+        tools = options.get("tools")
+        self._tools = None if tools is None else ToolRules(tools, reporter)
         self._course = CourseRules(profile, motion, reporter)
         self._travel = TravelRules(profile, motion, reporter, envelope=options.get("envelope", False))
         self._motions = MotionRules(profile, motion, reporter)
@@ -118,6 +123,8 @@ class Checker:
         sums = moves if assumed is segments else Moves(assumed, assumed.line - columns.first_line)
         self._notes(piece)
         self._words.look(piece)
+        if self._tools:
+            self._tools.look(piece)
         self._course.look(piece, moves)
         self._travel.look(piece, moves)
         self._motions.look(piece, moves)

@@ -95,6 +95,11 @@ class ToolTable:
     def find(self, number: int) -> Tool | None:
         return next((tool for tool in self.tools if tool.number == number), None)
 
+    @property
+    def numbers(self) -> frozenset[int]:
+        """Those that T finds."""
+        return frozenset({tool.number for tool in self.tools} | (set() if self.random else {0}))
+
     def place(self, number: int) -> Place | None:
         """Where T finds this tool; None: it is not in the table. T0 is the empty spindle (seed §3, sheet §2)."""
         if self.random:

@@ -25,6 +25,7 @@ from jobs.batch import BatchPlanner
 from jobs.expansion import check_stored, store_expanded
 from jobs.program import NotAProgramError, ProgramInfo, ProgramStore
 from jobs.upcoming import PlanError
+from protocol.iocontrol import tooltable
 from server.cli.common import CliError, ExitCode, Json, ProgramFile, safe, say, say_json, warn
 from server.cli.frames import (
     Compensation,
@@ -51,6 +52,9 @@ MotionPath = Annotated[Path | None, typer.Option("--motion", help="TOML with a t
 BlockDelete = Annotated[bool, typer.Option("--block-delete", help="Leave out blocks that begin with '/'.")]
 ConvertInches = Annotated[bool, typer.Option("--convert-inches", help="Convert G20 programs to mm.")]
 Baud = Annotated[int | None, typer.Option("--baud", min=300, help="Say where a link of so many bit/s is too slow.")]
+ToolsPath = Annotated[
+    Path | None, typer.Option("--tools", help="A tool table in LinuxCNC's format: say which T is not in it.")
+]
 Override = Annotated[int, typer.Option(min=10, max=200, help="Percent; the time with it is told beside the other.")]
 
 PERCENT = 100
@@ -71,6 +75,7 @@ def check(
     baud: Baud = None,
     feed_override: Override = PERCENT,
     rapid_override: Override = PERCENT,
+    tools: ToolsPath = None,
     resolution: Resolution = None,
     tool_radius: ToolRadius = None,
     compensation: Compensation = None,
@@ -87,6 +92,7 @@ def check(
         baud=baud,
         feed_override=feed_override / PERCENT,
         rapid_override=rapid_override / PERCENT,
+        tools=None if tools is None else _tools(tools),
     )
     controller, axes = _profile(profile), _motion(motion)
     told = FrameOptions(resolution, tool_radius, compensation, diameter, feed_unit, speed_unit, semicolon)
@@ -257,6 +263,14 @@ def _motion(path: Path | None) -> Motion:
         return Motion() if path is None else load_section(MotionFile, path).motion.motion()
     except ConfigError as error:
         raise CliError(ExitCode.USAGE, safe_lines(str(error))) from error
+
+
+def _tools(path: Path) -> frozenset[int]:
+    """The numbers of a tool table; of lines that are left out something is said."""
+    table, warnings = tooltable.parse(b"".join(_chunks(path)).decode("utf-8", "replace"))
+    for each in warnings:
+        warn(safe(f"{path}:{each.line}: {each.message}"))
+    return table.numbers
 
 
 def safe_lines(text: str) -> str:

@@ -142,6 +142,26 @@ def test_the_check_is_made_once_and_forgotten_with_the_program(tmp_path: Path, m
     told(tmp_path, story)
 
 
+def test_a_check_knows_the_tool_table_of_now(tmp_path: Path) -> None:
+    async def story(shop: Workshop) -> None:
+        program, _ = await shop.programs.store(chunks(b"G21 G90\nT1 M6\nT2 M6\nM30\n"), "part.nc")
+
+        async def missing() -> list[int]:
+            report = await shop.programs.check(program["id"], machine=MACHINE)
+            return [one["line"] for one in report["warnings"] if one["code"] == "tool_not_in_table"]
+
+        assert await missing() == []
+        for text, lines in (("T1 P1\n", [3]), ("T2 P1\n", [2]), ("", [2, 3]), ("T1 P1\nT2 P2\n", []), (None, [])):
+            shop.changers[MACHINE].replace_table(text, None)
+            assert await missing() == lines, text
+        shop.changers[MACHINE].replace_table("T1 P1\n", None)
+        with pytest.raises(ProblemError) as refused:
+            await shop.jobs.create(program["id"], MACHINE)
+        assert refused.value.code == "preflight_warnings"
+
+    told(tmp_path, story)
+
+
 def test_the_drawing_of_a_program(tmp_path: Path) -> None:
     async def story(shop: Workshop) -> None:
         program, _ = await shop.programs.store(chunks(b"G21 G90\nG0 X0 Y0 Z5\nG1 X10 F300\nG2 X20 I5\nM30\n"), "a.nc")

@@ -64,6 +64,17 @@ def test_check_with_overrides_and_a_link(millstream: Run, file: Path) -> None:
     assert f"file: {len(GOOD)} bytes, ascii, line ends lf" in outcome.out
 
 
+def test_check_against_a_tool_table(millstream: Run, file: Path, tmp_path: Path) -> None:
+    table = tmp_path / "tool.tbl"
+    table.write_text("T1 P1 D6 ;six\nT2 nonsense\n")
+    file.write_bytes(b"G21 G90\nT1 M6\nT2 M6\nM30\n")
+    outcome = millstream("check", file, "-p", "elvinto", "--tools", table)
+    assert outcome.code == 0, "it is a warning"
+    assert f"{file}:3:1: warning: T2 is not in the tool table" in outcome.out
+    assert f"{table}:2: " in outcome.err
+    assert millstream("check", file, "-p", "elvinto", "--tools", tmp_path / "none").code == 2
+
+
 def test_check_as_json_is_1_with_errors(millstream: Run, file: Path) -> None:
     file.write_bytes(b"G999\n")
     outcome = millstream("check", file, "-p", "elvinto", "--json")
