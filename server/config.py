@@ -14,6 +14,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from gcode.profile import load_profile
+from server.changeposition import fault_of
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
 from server.motionconfig import MotionConfig
@@ -141,6 +143,20 @@ class MachineConfig(Section):
             except (ValueError, OSError) as error:
                 context = {"key": "port", "value": self.port, "advice": str(error)}
                 raise PydanticCustomError("unusable", "{advice}", context) from error
+        return self
+
+    @model_validator(mode="after")
+    def _change_position_fits(self) -> Self:
+        """Before a job stands in the middle of a tool change with it."""
+        if not (blocks := self.toolchanger.change_position):
+            return self
+        key = "toolchanger.change_position"
+        if self.protocol != "grbl" or not self.has_changer:
+            allowed = "no such blocks for a controller that is sent M6 and goes there by itself"
+            raise refused(key, list(blocks), allowed)
+        fault = fault_of(blocks, load_profile(self.profile), self.motion.motion())
+        if fault is not None:
+            raise refused(key, *fault)
         return self
 
     @property
