@@ -1,7 +1,7 @@
 """The WebSocket `/api/v1/events`: one reader's connection, its messages and its answers.
 
-Not the fan-out (`server/hub.py`). The one rule: what this socket is sent is pulled from its subscription, so a peer
-that does not read stops only itself; what it says is answered in order of completion, and a stop at once.
+Not the fan-out (`server/hub.py`, `server/fanout.py`). The one rule: what this socket is sent waits in its subscription
+while the peer does not read, so it stops only itself; what it says is answered in order of completion, a stop at once.
 """
 
 import asyncio
@@ -23,9 +23,12 @@ from server.api.routing import admit, requires
 from server.api.services import Json, MachineControl, Services
 from server.auth import Principal, Role
 from server.heldjog import HeldJogs
-from server.hub import CutError, Hub, Subscription
+from server.hub import Hub
 from server.jsontext import dumps
 from server.problems import ProblemError
+from server.subscription import Subscription
+from server.textframe import text_frame
+from server.wswire import wire_of
 
 logger = logging.getLogger(__name__)
 
@@ -61,11 +64,11 @@ async def snapshot(services: Services) -> Json:
 
 @dataclass(frozen=True, slots=True)
 class _Start:
-    """What a new reader begins with. `missed`: texts of what was published since it was last here."""
+    """What a new reader begins with. `missed`: frames of what was published since it was last here."""
 
     seq: int
     resync: bool
-    missed: tuple[str, ...] = ()
+    missed: tuple[bytes, ...] = ()
 
     @classmethod
     def of(cls, hub: Hub, query: SocketQuery, subscription: Subscription) -> "_Start":
@@ -78,16 +81,34 @@ class _Start:
         return cls(query.since, resync=False, missed=tuple(missed))
 
 
+class _CutError(Exception):
+    """The hub has given this reader up; `str()` says why."""
+
+
 class EventSocket:
-    """One connected reader."""
+    """One connected reader; an `Outlet` of the fan-out."""
 
     def __init__(self, socket: WebSocket, services: Services, held: HeldJogs, principal: Principal) -> None:
         self._socket = socket
         self._services = services
         self._held = held
         self._principal = principal
+        self._wire = wire_of(socket.scope)
+        self._revoked = asyncio.Event()
         self._under_way: set[asyncio.Task[None]] = set()
         self._changing: set[str] = set()
+
+    @property
+    def takes(self) -> bool:
+        """Whether the peer reads what it is sent."""
+        return self._wire.has_room
+
+    def write(self, data: bytes) -> None:
+        """Send frames, unless the reader may not see them any more."""
+        if self._services.tokens.still_good(self._principal):
+            self._wire.write_frames(data)
+        else:
+            self._revoked.set()
 
     async def run(self, query: SocketQuery) -> None:
         """Serve this reader until it goes or is cut."""
@@ -101,6 +122,7 @@ class EventSocket:
                 self._write(start, subscription), self._read(subscription), self._watch(subscription)
             )
         finally:
+            self._wire.on_room = None
             self._held.release_all(self)
             for machine in self._changing:
                 self._services.changers[machine].leave(self)
@@ -108,12 +130,14 @@ class EventSocket:
                 task.cancel()
             hub.unsubscribe(subscription)
 
-    async def _greet(self, start: "_Start") -> None:
-        """`hello` with the snapshot, then what was missed."""
+    async def _write(self, start: "_Start", subscription: Subscription) -> None:
+        """`hello` with the snapshot, then what was missed, then what happens, until the token is revoked."""
         data = {**await snapshot(self._services), "resync": start.resync, "role": self._principal.role.word}
-        await self._socket.send_text(self._services.hub.envelope("hello", data, seq=start.seq))
-        for text in start.missed:
-            await self._socket.send_text(text)
+        hello = self._services.hub.envelope("hello", data, seq=start.seq)
+        self._wire.on_room = subscription.wake
+        subscription.begin(self, (text_frame(hello), *start.missed))
+        await self._revoked.wait()
+        raise ProblemError("unauthorized", "The token of this connection was revoked.")
 
     async def _until_one_ends(self, *work: Awaitable[None]) -> None:
         tasks = [asyncio.ensure_future(one) for one in work]
@@ -128,7 +152,7 @@ class EventSocket:
             match error:
                 case None | WebSocketDisconnect():
                     pass
-                case CutError():
+                case _CutError():
                     await self._close(TRY_AGAIN_LATER, str(error))
                 case ProblemError():
                     await self._close(POLICY_VIOLATION, error.detail)
@@ -145,18 +169,10 @@ class EventSocket:
         except (TimeoutError, WebSocketDisconnect, RuntimeError):
             logger.info("a WebSocket reader did not take the farewell: %s", reason)
 
-    async def _write(self, start: "_Start", subscription: Subscription) -> None:
-        await self._greet(start)
-        while True:
-            text = await subscription.next()
-            if not self._services.tokens.still_good(self._principal):
-                raise ProblemError("unauthorized", "The token of this connection was revoked.")
-            await self._socket.send_text(text)
-
     async def _watch(self, subscription: Subscription) -> None:
-        """Ends the connection when the hub gives it up, while the writer may be stuck in a send."""
+        """Ends the connection when the hub gives it up."""
         await subscription.until_cut()
-        await subscription.next()
+        raise _CutError(subscription.cut_reason)
 
     async def _read(self, subscription: Subscription) -> None:
         while True:
@@ -286,14 +302,18 @@ def our_fault(error: Exception) -> ProblemError:
     return internal_problem()
 
 
-def success(id_: Any) -> str:
-    """The answer to a message that was obeyed."""
-    return dumps({"type": "result", "id": _bounded(id_), "ok": True})
+def success(id_: Any) -> bytes:
+    """The answer to a message that was obeyed, framed."""
+    return _framed({"type": "result", "id": _bounded(id_), "ok": True})
 
 
-def failure(id_: Any, problem: ProblemError) -> str:
-    """The answer to a message that was refused."""
-    return dumps({"type": "result", "id": _bounded(id_), "ok": False, "error": problem_body(problem)})
+def failure(id_: Any, problem: ProblemError) -> bytes:
+    """The answer to a message that was refused, framed."""
+    return _framed({"type": "result", "id": _bounded(id_), "ok": False, "error": problem_body(problem)})
+
+
+def _framed(answer: Json) -> bytes:
+    return text_frame(dumps(answer))
 
 
 def _bounded(id_: Any) -> str | int | None:

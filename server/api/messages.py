@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 from server.api.iomodels import Levels
 from server.api.machinemodels import MAX_FEED_MM_MIN, AxisMove
 from server.auth import Role
-from server.hub import DEFAULT_RATE_HZ, TOPICS, Filter
+from server.subscription import DEFAULT_RATE_HZ, TOPICS, Filter
 
 MIN_RATE_HZ = 0.1
 MAX_RATE_HZ = 100.0

@@ -28,6 +28,7 @@ from server.config import Config
 from server.notify import Notifier, keep_telling
 from server.sealing import keep_sealing
 from server.tokens import list_tokens
+from server.wswire import WireProtocol
 
 if TYPE_CHECKING:
     from server.app import Workshop
@@ -222,7 +223,7 @@ def _uvicorn_config(app: object, config: Config) -> uvicorn.Config:
         access_log=False,
         lifespan="off",
         http="h11",
-        ws="websockets-sansio",
+        ws=WireProtocol,
         proxy_headers=False,
         server_header=False,
         limit_concurrency=MAX_CONNECTIONS,

@@ -1,12 +1,56 @@
-"""A WebSocket client that speaks ASGI to an application directly: no network, no server, and it can stop reading."""
+"""A WebSocket client that speaks ASGI to an application directly: no network, no server, and it can stop reading.
+
+It offers the daemon's own extension as well (`server/wswire.py`), and reads its frames with a decoder of its own.
+"""
 
 import asyncio
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 from urllib.parse import urlencode
 
 from starlette.types import ASGIApp, Message
+
+from tests.harness.textframes import texts
+
+
+class Reading(asyncio.Event):
+    """Set while the client reads. Whoever writes frames is told when it reads again."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.on_room: Callable[[], None] | None = None
+        super().set()
+
+    def set(self) -> None:
+        super().set()
+        if self.on_room is not None:
+            self.on_room()
+
+
+class _Wire:
+    """The frames' way out (`server.wswire.Wire`)."""
+
+    def __init__(self, reading: Reading, heard: asyncio.Queue[Message]) -> None:
+        self._reading = reading
+        self._heard = heard
+
+    @property
+    def on_room(self) -> Callable[[], None] | None:
+        return self._reading.on_room
+
+    @on_room.setter
+    def on_room(self, call: Callable[[], None] | None) -> None:
+        self._reading.on_room = call
+
+    @property
+    def has_room(self) -> bool:
+        return self._reading.is_set()
+
+    def write_frames(self, frames: bytes) -> None:
+        assert self.has_room, "a reader that does not read is given nothing"
+        for text in texts(frames):
+            self._heard.put_nowait({"type": "websocket.send", "text": text})
 
 
 class AsgiSocket:
@@ -22,7 +66,7 @@ class AsgiSocket:
     ) -> None:
         sent = {"host": "127.0.0.1:8420"} | {name.lower(): value for name, value in (headers or {}).items()}
         self._app = app
-        self._scope = {
+        self._scope: dict[str, Any] = {
             "type": "websocket",
             "asgi": {"version": "3.0", "spec_version": "2.4"},
             "http_version": "1.1",
@@ -36,12 +80,12 @@ class AsgiSocket:
             "server": ("127.0.0.1", 8420),
             "subprotocols": [],
             "state": {},
-            "extensions": {"websocket.http.response": {}},
         }
         self._to_app: asyncio.Queue[Message] = asyncio.Queue()
         self._from_app: asyncio.Queue[Message] = asyncio.Queue()
-        self.reading = asyncio.Event()
-        self.reading.set()
+        self.reading = Reading()
+        wire = _Wire(self.reading, self._from_app)
+        self._scope["extensions"] = {"websocket.http.response": {}, "millstream.frames": {"wire": wire}}
         self.status: int | None = None
         self.response_headers: dict[str, str] = {}
         self.problem: Any = None

@@ -13,7 +13,8 @@ import uvicorn
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from server.hub import QUEUE_LIMIT
+from server.subscription import QUEUE_LIMIT
+from server.wswire import WireProtocol
 from tests.harness.fakeworkshop import FakeWorkshop, bearer
 
 pytestmark = pytest.mark.real
@@ -38,7 +39,7 @@ Story = Callable[[Daemon], Awaitable[None]]
 async def serving() -> AsyncIterator[Daemon]:
     listener = socket.create_server(("127.0.0.1", 0))
     async with FakeWorkshop() as workshop:
-        server = uvicorn.Server(uvicorn.Config(workshop.app(), log_level="warning", lifespan="off"))
+        server = uvicorn.Server(uvicorn.Config(workshop.app(), log_level="warning", lifespan="off", ws=WireProtocol))
         task = asyncio.create_task(server.serve(sockets=[listener]))
         while not server.started:
             await asyncio.sleep(0.01)

@@ -4,7 +4,6 @@ What the changer sees is what goes over the API; it is the virtual one (sim/chan
 """
 
 import asyncio
-import json
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from sim.elvinto.settings import SimSettings as SimSettingsElvinto
 from sim.grbl.simsettings import SimSettings
 from tests.harness.grblworkshop import GrblBench
 from tests.harness.simloop import run_simulated, until
+from tests.harness.textframes import messages
 from tests.harness.workshop import MACHINE, Bench
 
 PROGRAM = "G21\nG90\nG1 X1 F3000\nT1 M6\nG1 X2\nT2\nM6\nG1 X3\nT3 M6\nX4\nM30\n"
@@ -147,7 +147,7 @@ def test_coolant_pins_follow_the_program(tmp_path: Path) -> None:
         reader = shop.hub.subscribe(Filter(topics=frozenset({"io"})))
         job = await bench.job("G21\nG90\nM8\nG1 X1 F3000\nM9\nG1 X2\nM30\n")
         await bench.status(job["id"], "completed", "failed")
-        said = [json.loads(text)["data"]["pins"] for text in reader._waiting]
+        said = [message["data"]["pins"] for message in messages(reader.take(0.0))]
         assert [pins["coolant-flood"] for pins in said if "coolant-flood" in pins] == [True, False]
 
     told(bench_of("grbl", tmp_path), story)

@@ -1,7 +1,6 @@
 """What happens to a machine: epochs, IDs that never go back, states, and noise that does not drown what matters."""
 
 import asyncio
-import json
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +22,12 @@ from protocol.events import (
 )
 from server.config import MachineConfig
 from server.dbthread import InlineDb
-from server.hub import Filter, Hub
+from server.hub import Hub
 from server.machine import FIRST_ID, ID_STEP, Machine
+from server.subscription import Filter
 from tests.harness.fakes import ScriptedEngine
 from tests.harness.simloop import LoopClock, run_simulated
+from tests.harness.textframes import messages
 
 
 class FakePort:
@@ -218,7 +219,7 @@ def test_a_state_that_is_sent_says_how_long_the_newest_batch_took(tmp_path: Path
         bench.tell(BatchSent(7, 1))
         await asyncio.sleep(0.25)
         bench.tell(BatchReceived(7), StateReported("run", {"x": 1.0}))
-        message = json.loads(await reader.next())
+        (message,) = messages(reader.take(asyncio.get_running_loop().time()))
         assert (message["data"]["ack_s"], message["data"]["batch_s"]) == (0.25, None)
         await bench.close()
 

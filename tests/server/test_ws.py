@@ -10,8 +10,9 @@ import pytest
 from server.api.machinemodels import MachineView
 from server.api.models import JobView
 from server.heldjog import HEARTBEAT_S
-from server.hub import QUEUE_LIMIT, REPLAY_LIMIT
+from server.hub import REPLAY_LIMIT
 from server.problems import ProblemError
+from server.subscription import QUEUE_LIMIT
 from server.ws import MAX_MESSAGE_CHARS, MAX_UNDER_WAY
 from tests.harness.asgisocket import AsgiSocket
 from tests.harness.fakeworkshop import FIRST_SEQ, FakeWorkshop, bearer, settle
