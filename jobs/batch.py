@@ -136,6 +136,9 @@ class Reader(Protocol):
     def relocate(self, position: Position) -> None:
         """The machine's own account of where it stands."""
 
+    def forget(self) -> None:
+        """The machine may not hold what it was told."""
+
     def skip(self) -> None:
         """Follow what comes before the first line that is to go out."""
 
@@ -222,6 +225,10 @@ class BatchPlanner:
             raise LocalError("relocate in the middle of blocks that are already planned")
         self._reader.relocate(position)
         self._before = None
+
+    def forget(self) -> None:
+        """What was planned last is not sent: what comes behind it says anew what it needs."""
+        self._reader.forget()
 
     def next(self, most_lines: int | None = None) -> PlannedBatch | None:
         """The next batch; None at the end of the program.

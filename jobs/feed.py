@@ -29,6 +29,9 @@ class BatchSource(Protocol):
     def relocate(self, position: Position) -> None:
         """The true position after a batch whose effect could not be computed."""
 
+    def forget(self) -> None:
+        """What was planned last is not sent: the machine does not hold what that would have set."""
+
 
 @dataclass(slots=True)
 class Ahead:
@@ -65,6 +68,11 @@ class Feed:
         """The true position after a barrier; nothing has been planned beyond it."""
         if self.source is not None:
             self.source.relocate(position)
+
+    def forget(self) -> None:
+        """The batch that was planned last is left out; nothing has been planned beyond it."""
+        if self.source is not None:
+            self.source.forget()
 
     def plan(self) -> Ahead | None:
         """The batch ahead, planned now if there is none yet."""

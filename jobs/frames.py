@@ -18,12 +18,14 @@ from gcode.ncframe.reader import FrameBlock, FrameReader, TranslationError
 from gcode.ncframe.rules import FrameRules
 from gcode.profile import Profile
 from gcode.state import State
-from jobs.upcoming import Barrier, PlanError, Upcoming
+from jobs.upcoming import COOLANT, Barrier, PlanError, Upcoming
 from protocol.commands import Position
 from protocol.errors import LocalError
 
 DOES_SOMETHING = re.compile(r"[MXZR]|G4\b")
 """What a frame has whose being there does not depend on those before it."""
+COOLANT_CODES = (7, 8, 9)
+"""M codes that switch coolant, where the profile gives them that meaning."""
 SAME_COUNTS = 0.51
 """Two accounts of a place that is in whole counts differ by less."""
 LINES_AT_ONCE = 256
@@ -53,6 +55,9 @@ class FrameBlocks:
     ) -> None:
         self._reader = FrameReader(lines, profile, motion, rules, position)
         self._resolution_mm = rules.resolution_mm
+        self._coolant = frozenset(
+            {number for number in COOLANT_CODES if (code := profile.codes.get(f"M{number}")) and code.sets in COOLANT}
+        )
         self._behind = behind
         self._opened = False
         self._ready: deque[Upcoming] = deque()
@@ -95,6 +100,10 @@ class FrameBlocks:
                     f"behind line {self._behind.line} the machine stands at {axis.upper()}{known:g}, and the program "
                     f"leads to {at:g}: program or configuration have changed since"
                 )
+
+    def forget(self) -> None:
+        """The newest frame is left out: its T was not said."""
+        self._reader.forget()
 
     def skip(self) -> None:
         """Translate what is behind, without giving it out. An error in it is told where blocks are asked for."""
@@ -184,10 +193,16 @@ class FrameBlocks:
                 if stop is None
                 else Barrier(stop.locate, stop.ends_program, stop.tool_change, stop.pauses),
                 tool=block.tool,
+                io=self._said(block.text),
                 part=part if block.line == next_line else 0,
             )
         )
         self._fresh = True
+
+    def _said(self, text: str) -> tuple[tuple[str, int], ...]:
+        """What a frame says to a tool changer: T, and the coolant."""
+        words = [(word[0], int(word[1:])) for word in text.split() if word[0] in "MT"]
+        return tuple([word for word in words if word[0] == "T" or word[1] in self._coolant])
 
     def _with_modes(self, text: str) -> str:
         """The first frame behind the place says what those before it have said: somebody may have moved by hand."""

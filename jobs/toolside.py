@@ -14,6 +14,10 @@ from jobs.runstate import RunState
 from jobs.toolchange import Phase, Step
 
 
+COOLANT_OFF = 9
+"""M9."""
+
+
 @dataclass(slots=True)
 class ToolSide(RunState):
     """See the head of this file. Every verb gives what follows from it."""
@@ -109,6 +113,8 @@ class ToolSide(RunState):
                 self.tools.taken_up = before is Phase.NONE
                 asked: Literal["again", "change"] = "again" if before is Phase.NONE else "change"
                 self._emit(ToolAsk(asked, batch.tool, batch.first_line))
+        if batch.ends_program and self.has_changer:
+            self._emit(ToolAsk("coolant", COOLANT_OFF, batch.last_line))  # RS-274: the end of a program is an M9, too
         if batch.set_tool is not None and self.has_changer:
             self._emit(ToolAsk("set", batch.set_tool, batch.first_line))
 
@@ -118,5 +124,6 @@ class ToolSide(RunState):
         if ahead is None or ahead.entry is None or not ahead.batch.tool_change:
             return
         self._emit(self.ledger.left_out(ahead.entry))
+        self.feed.forget()
         if ahead.batch.locate_after:
             self.feed.relocate(self.ledger.position)

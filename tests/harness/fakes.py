@@ -40,6 +40,7 @@ class ListSource:
         self._items = deque(items)
         self.relocated: list[Position] = []
         self.reading = False
+        self.forgotten = 0
 
     def next(self, most_lines: int | None = None) -> PlannedBatch | None:
         if not self._items:
@@ -48,6 +49,9 @@ class ListSource:
         if isinstance(item, Exception):
             raise item
         return item
+
+    def forget(self) -> None:
+        self.forgotten += 1
 
     def relocate(self, position: Position) -> None:
         self.relocated.append(dict(position))
