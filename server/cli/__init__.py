@@ -13,6 +13,7 @@ import typer
 
 from server.cli import (
     demo,
+    doctor,
     history,
     jobs,
     machines,
@@ -28,7 +29,7 @@ from server.cli import (
 from server.cli.common import CliError, say, say_json, warn
 from server.cli.daemon import Surroundings
 
-GROUPS = (serve, demo, offline, jobs, recover, machines, watch, tokens, history, simulator, stored, switches)
+GROUPS = (serve, demo, doctor, offline, jobs, recover, machines, watch, tokens, history, simulator, stored, switches)
 
 
 def build() -> typer.Typer:
