@@ -18,11 +18,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
 
-from gcode.lines import MAX_LINE_BYTES, split_lines
+from gcode.lines import split_lines
 from jobs.lineaccess import LineAccess
-
-LINES_PER_ENTRY = 1024
-"""One u64 per so many lines: 8 kB of index for a million lines, at most 1,023 lines read in vain."""
+from jobs.linecount import LINES_PER_ENTRY, LineCounter, NotAProgramError
 
 CHUNK_BYTES = 65_536
 
@@ -30,18 +28,15 @@ PIECE_BYTES = 1 << 18
 """How much of a stored program is worked on at once: a daemon that runs for a year has less memory to give than a
 command that ends, and the stream beside it waits for shorter pieces of work."""
 
+SYNC_BYTES = 4 * 1024 * 1024
+"""An upload goes to the disk in portions of this: the journal's commit of a running job waits for one of them at most,
+and not for a gigabyte that the system has kept in memory."""
+
 _PART = ".part"
 _HEADER = struct.Struct("<8sQQ")  # magic, lines, bytes
 _OFFSET = struct.Struct("<Q")
 _MAGIC = b"MSIDX01\n"
-_LINE_END = re.compile(rb"\r\n|\r|\n")
-# Control characters that no text has. Tab, line ends, form feed, DOS's end of file and Escape are not among them.
-_BINARY = re.compile(rb"[\x00-\x08\x0e-\x19\x1c-\x1f]")
 _ID = re.compile(r"[0-9a-f]{64}")
-
-
-class NotAProgramError(ValueError):
-    """The upload is not text. Says where it stops being a program."""
 
 
 class UnknownProgramError(KeyError):
@@ -164,10 +159,9 @@ class Writer:
         stem = secrets.token_hex(8)
         self._paths = (root / f"{stem}.nc{_PART}", root / f"{stem}.idx{_PART}")
         self._hash = hashlib.sha256()
+        self._counter = LineCounter()
         self._bytes = 0
-        self._lines = 0  # line ends seen
-        self._line_start = 0
-        self._ends_with_cr = False
+        self._unsynced_bytes = 0
         self._files: list[BinaryIO] = []
         try:
             self._files = [path.open("xb") for path in self._paths]
@@ -192,9 +186,13 @@ class Writer:
     def write(self, chunk: bytes) -> None:
         """The next piece, of any size. Raises NotAProgramError or OSError; nothing is left behind then."""
         try:
-            self._refuse_binary(chunk)
-            self._index_lines(chunk)
+            self._files[1].write(self._counter.feed(chunk))
             self._files[0].write(chunk)
+            self._unsynced_bytes += len(chunk)
+            if self._unsynced_bytes >= SYNC_BYTES:
+                self._files[0].flush()
+                os.fdatasync(self._files[0].fileno())
+                self._unsynced_bytes = 0
         except (OSError, NotAProgramError):
             self.abort()
             raise
@@ -204,8 +202,9 @@ class Writer:
     def finish(self) -> ProgramInfo:
         """Make it durable under its hash. Raises OSError; nothing is left behind then."""
         digest = self._hash.hexdigest()
-        lines = self._lines + (self._line_start < self._bytes)
         try:
+            self._files[1].write(self._counter.finish())
+            lines = self._counter.lines
             self._files[1].seek(0)
             self._files[1].write(_HEADER.pack(_MAGIC, lines, self._bytes))
             for file in self._files:
@@ -233,40 +232,6 @@ class Writer:
                 continue
         for path in self._paths:
             path.unlink(missing_ok=True)
-
-    def _refuse_binary(self, chunk: bytes) -> None:
-        if found := _BINARY.search(chunk):
-            at = self._bytes + found.start()
-            raise NotAProgramError(f"byte {at} is 0x{found[0][0]:02x}: this is a binary file, not a G-code program")
-
-    def _index_lines(self, chunk: bytes) -> None:
-        at = 0
-        if self._ends_with_cr and chunk.startswith(b"\n"):
-            # The second half of a \r\n: the line began one byte later than it seemed.
-            at = 1
-            self._begin_line(self._bytes + 1, count=False)
-        start = self._line_start
-        for end in _LINE_END.finditer(chunk, at):
-            self._check_length(self._bytes + end.start() - start)
-            start = self._bytes + end.end()
-            self._begin_line(start, count=True)
-        self._check_length(self._bytes + len(chunk) - start)
-        if chunk:
-            self._ends_with_cr = chunk.endswith(b"\r")
-
-    def _begin_line(self, offset: int, *, count: bool) -> None:
-        self._line_start = offset
-        self._lines += count
-        if self._lines % LINES_PER_ENTRY == 0:
-            index = self._files[1]
-            index.seek(_HEADER.size + self._lines // LINES_PER_ENTRY * _OFFSET.size)
-            index.write(_OFFSET.pack(offset))
-
-    def _check_length(self, line_bytes: int) -> None:
-        if line_bytes > MAX_LINE_BYTES:
-            raise NotAProgramError(
-                f"line {self._lines + 1} is longer than {MAX_LINE_BYTES} bytes: this is not a G-code program"
-            )
 
 
 def _sync_folder(folder: Path) -> None:

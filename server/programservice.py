@@ -20,7 +20,8 @@ from gcode.words import decode_line
 from jobs import store
 from jobs.batch import BatchLimits
 from jobs.expansion import ExpandError, TooLargeError, store_expanded
-from jobs.program import NotAProgramError, ProgramInfo, ProgramStore, UnknownProgramError
+from jobs.linecount import NotAProgramError
+from jobs.program import ProgramInfo, ProgramStore, UnknownProgramError
 from server.clock import Clock, stamp
 from server.dbthread import Db
 from server.hub import Hub

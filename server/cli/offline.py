@@ -23,7 +23,8 @@ from gcode.ncframe.rules import FrameRules, profile_for
 from gcode.profile import Profile, ProfileError, load_profile
 from jobs.batch import BatchPlanner
 from jobs.expansion import check_stored, store_expanded
-from jobs.program import NotAProgramError, ProgramInfo, ProgramStore
+from jobs.linecount import NotAProgramError
+from jobs.program import ProgramInfo, ProgramStore
 from jobs.upcoming import PlanError
 from protocol.iocontrol import tooltable
 from server.cli.common import CliError, ExitCode, Json, ProgramFile, safe, say, say_json, warn

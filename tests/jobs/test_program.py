@@ -2,6 +2,8 @@
 
 import errno
 import hashlib
+import itertools
+import os
 import re
 import tracemalloc
 from pathlib import Path
@@ -11,7 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gcode.lines import MAX_LINE_BYTES
-from jobs.program import LINES_PER_ENTRY, NotAProgramError, ProgramInfo, ProgramStore, UnknownProgramError, Writer
+from jobs.linecount import LINES_PER_ENTRY, NotAProgramError
+from jobs.program import SYNC_BYTES, ProgramInfo, ProgramStore, UnknownProgramError, Writer
 from tests.harness.programs import quick
 
 
@@ -215,3 +218,19 @@ def test_a_large_program_is_never_in_memory(tmp_path: Path) -> None:
     tracemalloc.stop()
     assert last == info.lines == 24 * 4096
     assert peak < 2_000_000 < info.bytes
+
+
+def test_a_long_upload_goes_to_the_disk_in_portions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the system still keeps in memory, a commit of the journal may have to wait for."""
+    synced: list[int] = []
+    sync = os.fdatasync
+
+    def counting(handle: int) -> None:
+        sync(handle)
+        synced.append(os.fstat(handle).st_size)
+
+    monkeypatch.setattr("jobs.program.os.fdatasync", counting)
+    keep(ProgramStore(tmp_path), *[b"G1 X1\n" * 50_000] * 60)
+    assert len(synced) == 60 * 300_000 // SYNC_BYTES
+    steps = [later - earlier for earlier, later in itertools.pairwise([0, *synced])]
+    assert max(steps) <= SYNC_BYTES + 300_000
