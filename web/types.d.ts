@@ -67,6 +67,8 @@ export interface Job {
   hold: boolean;
   cancelling: boolean;
   note: string | null;
+  mode: string;
+  on_error: string | null;
   start_line: number;
   end_line: number;
   rerun_of: number | null;

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, CDPSession, ConsoleMessage, Page, expect, sync_playwright
 
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
@@ -23,6 +23,8 @@ FLAGS = (
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
 )  # fmt: skip
+FIRST_BYTES = 250 * 1024
+"""Of a first visit, before a path is opened; packed."""
 WITHIN_MS = 20_000
 """For everything that takes a moment on a computer that has nothing else to do."""
 AXE = Path(__file__).parents[1] / "web" / "vendor" / "axe.js"
@@ -103,6 +105,32 @@ def screen(browser: Browser, url: str, size: tuple[int, int] = DESK, **options: 
         context.close()
 
 
+HEARD = """{
+    const Plain = WebSocket;
+    window.heard = 0;
+    window.WebSocket = class extends Plain {
+        constructor(...how) {
+            super(...how);
+            this.addEventListener("message", ({data}) => {
+                if (data.startsWith('{"seq"')) window.heard = parseInt(data.slice(8));
+            });
+        }
+    };
+}"""
+"""Put into a page before its own scripts: it remembers the number of the last message."""
+
+
+def heard(page: Page) -> int:
+    """That number."""
+    return int(page.evaluate("window.heard"))
+
+
+def heap_bytes(session: CDPSession) -> int:
+    """What the page keeps, after all that nobody needs is gone."""
+    session.send("HeapProfiler.collectGarbage")
+    return int(session.send("Runtime.getHeapUsage")["usedSize"])
+
+
 def serious(page: Page, *rules: str) -> list[str]:
     """What axe-core finds serious or critical on the page as it stands; of all its rules, or of these."""
     if not page.evaluate("'axe' in window"):
@@ -115,3 +143,25 @@ def serious(page: Page, *rules: str) -> list[str]:
         if one["impact"] in ("serious", "critical")
         for node in one["nodes"]
     ]
+
+
+class Traffic:
+    """What a page fetches from now on, as it goes over the network: packed bodies, and their headers."""
+
+    def __init__(self, page: Page) -> None:
+        self.requests: dict[str, str] = {}
+        self._bytes: dict[str, float] = {}
+        self._session = page.context.new_cdp_session(page)
+        self._session.on("Network.requestWillBeSent", lambda event: self._asked(event["requestId"], event["request"]))
+        self._session.on("Network.loadingFinished", lambda event: self._came(event["requestId"], event))
+        self._session.send("Network.enable")
+
+    def _asked(self, id: str, request: Any) -> None:
+        self.requests[id] = request["url"]
+
+    def _came(self, id: str, event: Any) -> None:
+        self._bytes[id] = event["encodedDataLength"]
+
+    def bytes(self) -> int:
+        """Of all that has come so far."""
+        return int(sum(self._bytes.values()))

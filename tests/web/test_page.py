@@ -7,18 +7,19 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.harness.browser import DESK, PHONE, TABLET, Screen
+from tests.harness.browser import DESK, FIRST_BYTES, PHONE, TABLET, Screen, Traffic
 from tests.harness.process import Daemon
 
 pytestmark = pytest.mark.real
 
 SIZES = {"desk": DESK, "tablet": TABLET, "phone": PHONE}
-PLACES = ("mill/machine", "mill/programs", "mill/jobs", "mill/console", "mill/card")
+PLACES = ("mill/machine", "mill/programs", "mill/jobs", "mill/plots", "mill/console", "mill/card", "mill/tools")
+SETTINGS = ("mill/settings", "mill/settings/offsets", "mill/settings/controller")
 TOUCH_PX = 48
 PROGRAM = "G21 G90\nG28\nG1 X5 F1000\nG55\nM30\n"
 
 SMALL = """(least) => [...document.querySelectorAll(
-        "button, a.button, nav a, select, input:not([type=file], [type=checkbox])")]
+        "button, a.button, nav a, select, summary, input:not([type=file], [type=checkbox])")]
     .filter((one) => one.checkVisibility())
     .map((one) => [one, one.getBoundingClientRect()])
     .filter(([, box]) => box.width > 1 && (box.height < least - 0.5 || box.width < least - 0.5))
@@ -49,13 +50,40 @@ def test_the_documentation_of_the_api_is_read_without_the_internet(
     expect(one.page.locator("details code", has_text="/api/v1/machines/{m}/estop")).to_be_visible()
 
 
+def test_a_first_visit_is_light(mill: Daemon, screens: Callable[..., Screen]) -> None:
+    """With every page but the preview, which loads three.js when it is opened."""
+    one = screens(mill.url)
+    traffic = Traffic(one.page)
+    one.go()
+    first = traffic.bytes()
+    assert first > 50 * 1024, "nothing was counted"
+    assert not [url for url in traffic.requests.values() if "uplot.js" in url or "three" in url]
+    mill.job("G21 G90\nG28\nG1 X4 F3000\nM30\n")
+    for place in PLACES:
+        one.go(place)
+    one.named("tab-plots").click()
+    expect(one.page.locator(".plot canvas").first).to_be_visible()
+    assert [url for url in traffic.requests.values() if "uplot.js" in url]
+    assert first < traffic.bytes() < FIRST_BYTES
+    assert all(url.startswith((mill.url, "data:", "blob:")) for url in traffic.requests.values())
+
+
 @pytest.mark.parametrize("size", SIZES)
-def test_every_page_fits_and_is_for_fingers(mill: Daemon, screens: Callable[..., Screen], size: str) -> None:
-    one = screens(mill.url, SIZES[size])
+def test_every_page_fits_and_is_for_fingers(
+    mill: Daemon, grbl: Daemon, screens: Callable[..., Screen], size: str
+) -> None:
     stored = mill.http.post("/api/v1/programs?name=part.nc", content=PROGRAM).json()
-    for place in (*PLACES, f"mill/programs/{stored['id']}"):
+    fits(screens(mill.url, SIZES[size]), *PLACES, f"mill/programs/{stored['id']}")
+    fits(screens(grbl.url, SIZES[size]), *SETTINGS)
+
+
+def fits(one: Screen, *places: str) -> None:
+    for place in places:
         one.go(place)
         expect(one.page.locator("main .panel:visible").first).to_be_visible()
+        expect(one.page.locator("main")).not_to_contain_text("Loading")
+        if "programs/" in place:
+            one.named("options").click()
         wide = one.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
         assert wide <= 0, f"{place} is {wide} px too wide"
         assert too_small(one.page) == [], place

@@ -24,6 +24,8 @@ test("each state of the machine and the job has its own reason", () => {
     ["start", {}, "reason.queue_empty"], ["start", { queue: [{}] }, null], ["start", { queue: [{}], job: job("paused") }, "reason.job"],
     ["start", { queue: [{}], job: job("interrupted") }, "reason.interrupted"], ["pause", {}, "reason.nothing_runs"],
     ["pause", { job: job("running") }, null], ["pause", { job: job("running", { cancelling: true }) }, "reason.stopping"],
+    ["pause", { job: job("checking", { hold: false }) }, null], ["pause", { job: job("checking", { hold: true }) }, "reason.nothing_runs"],
+    ["resume", { job: job("checking", { hold: true }) }, null], ["resume", { job: job("checking", { hold: false }) }, "reason.nothing_paused"],
     ["resume", { job: job("running") }, "reason.nothing_paused"], ["resume", { job: job("paused") }, null],
     ["resume", { job: job("paused"), machine: machine("alarm") }, "reason.alarm"], ["stop", {}, "reason.nothing_runs"],
     ["stop", { machine: machine("run") }, null], ["stop", { job: job("paused") }, null], ["connect", {}, "reason.connected"],

@@ -49,12 +49,14 @@ function Facts({ job }) {
   return html`<dl class="facts">
     <div><dt>${t("job.machine")}</dt><dd>${job.machine}</dd></div>
     <div><dt>${t("job.certain")}</dt><dd data-name="certain">${t("band.lines", { line: progress.line, lines: progress.lines })}</dd></div>
-    ${(job.start_line > 1) && html`<div><dt>${t("job.range")}</dt><dd>${job.start_line} – ${job.end_line}</dd></div>`}
+    ${(job.start_line > 1 || job.end_line < progress.lines) && html`<div><dt>${t("job.range")}</dt><dd>${job.start_line} – ${job.end_line}</dd></div>`}
     ${progress.seconds_elapsed !== null && html`<div><dt>${t("job.elapsed")}</dt><dd>${clock(progress.seconds_elapsed)}</dd></div>`}
     ${left && html`<div><dt>${t("job.left")}</dt><dd>${left}</dd></div>`}
     <div><dt>${t("job.created")}</dt><dd>${dateTime(job.created_at)}</dd></div>
     ${job.started_at && html`<div><dt>${t("job.started")}</dt><dd>${dateTime(job.started_at)}</dd></div>`}
     ${job.ended_at && html`<div><dt>${t("job.ended")}</dt><dd>${dateTime(job.ended_at)}</dd></div>`}
+    ${job.mode === "check" && html`<div><dt>${t("program.mode")}</dt><dd>${t("program.mode.check")}</dd></div>`}
+    ${job.on_error && html`<div><dt>${t("program.on_error")}</dt><dd>${t(`program.on_error.${job.on_error}`)}</dd></div>`}
     ${job.rerun_of !== null && html`<div><dt>${t("job.rerun_of")}</dt><dd><a href=${to("jobs", job.rerun_of)}>${job.rerun_of}</a></dd></div>`}
     ${job.note && html`<div class="whole"><dt>${t("job.note")}</dt><dd>${job.note}</dd></div>`}
   </dl>`;

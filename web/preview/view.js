@@ -44,7 +44,7 @@ export function View({ program, name }) {
     ${problem && html`<p class="problem" data-name="preview-problem">${problem}</p>`}
     ${blind && html`<p class="problem" data-name="no-webgl">${t("preview.no_webgl")}</p>`}
     <div class="path-view" hidden=${blind || problem !== ""} data-name="path-view" data-quality=${drawn?.quality}
-        data-drawn=${drawn?.count} data-complete=${drawn?.complete}>
+        data-drawn=${drawn?.count} data-complete=${drawn?.complete} data-level=${drawn?.level}>
       <div ref=${host} class="path-canvas" role="img" aria-label=${t("preview.title")}></div>
       <div class="path-tools row">
         ${Object.keys(VIEWS).map((one) => html`<button key=${one} type="button" class="button" data-name=${`view-${one}`}

@@ -1,7 +1,7 @@
 // One program: what the check says for the chosen machine, its source, and the buttons that make a job of it.
 // The rule: warnings are read before they are overruled; errors cannot be.
 
-import { html, signal, useEffect, useRef, useState } from "../lib/ui.js";
+import { html, signal, useEffect, useState } from "../lib/ui.js";
 import { number, t } from "../lib/i18n.js";
 import { size } from "../lib/format.js";
 import { go, route, to } from "../lib/router.js";
@@ -11,6 +11,7 @@ import { against, chosen, job, live } from "../state/store.js";
 import { Button } from "../parts/button.js";
 import { Dialog } from "../parts/dialog.js";
 import { PreviewPanel } from "../preview/panel.js";
+import { Options } from "./options.js";
 import { Findings, Report } from "./report.js";
 import { Source } from "./source.js";
 
@@ -52,24 +53,24 @@ export function ProgramView({ id }) {
 function Starting({ program, report }) {
   const [asking, setAsking] = useState(/** @type {boolean | null} */ (null)); // whether on hold; null: nothing is asked
   const [deleting, setDeleting] = useState(false);
-  const part = useRef(/** @type {{start_line?: number, end_line?: number, note?: string}} */ ({}));
+  const [wish, setWish] = useState(/** @type {import("./options.js").Wish} */ ({ hold: true }));
   const refused = report?.errors.length ? "reason.check_errors" : null;
   const busy = against("start");
   // That the queue is empty is no reason against the first job.
   const start = refused ?? (busy === "reason.queue_empty" ? null : busy);
   async function queue(/** @type {boolean} */ hold, /** @type {boolean} */ force) {
-    const made = await queueJob(program.id, { hold, force, ...part.current });
+    const made = await queueJob(program.id, { ...wish, note: wish.note?.trim() || undefined, hold, force });
     go(hold ? to("jobs") : to("machine"));
     return made;
   }
   const press = (/** @type {boolean} */ hold) => (report === null || report.warnings.length ? setAsking(hold) : queue(hold, false));
   return html`<div class="row">
-    <${Button} name="run" kind="go" icon="play" label=${t("program.run")} reason=${start} onPress=${() => press(false)} />
-    <${Button} name="enqueue" icon="list" label=${t("program.queue")} reason=${refused ?? against("operate")}
-      onPress=${() => press(true)} />
+    <${Button} name="run" kind="go" icon="play" label=${t(wish.mode ? "program.run_check" : "program.run")} reason=${start} onPress=${() => press(false)} />
+    <${Button} name="enqueue" icon="list" label=${t(wish.hold ? "program.queue" : "program.queue_ready")}
+      reason=${refused ?? against("operate")} onPress=${() => press(wish.hold)} />
     <${Button} name="delete" icon="trash" label=${t("program.delete")} reason=${against("operate")}
       onPress=${() => setDeleting(true)} />
-    <${Part} lines=${program.lines} onChange=${(/** @type {{}} */ chosen) => { part.current = chosen; }} />
+    <${Options} lines=${program.lines} wish=${wish} onWish=${setWish} />
     ${deleting && html`<${AskDelete} program=${program} onClose=${() => setDeleting(false)} />`}
     ${asking !== null && html`<${Dialog} name="warnings" title=${t("program.warnings_title")} icon="alarm" kind="warn" onClose=${() => setAsking(null)}>
       <p>${t(report === null ? "program.unchecked" : "program.warnings_text")}</p>
@@ -79,24 +80,6 @@ function Starting({ program, report }) {
           onPress=${async () => { setAsking(null); await attempt(() => queue(asking, true)); }} /></div>
     <//>`}
   </div>`;
-}
-
-/** Only some of the lines, and a note: for those who want it. @param {{lines: number, onChange: (part: {}) => void}} props */
-function Part({ lines, onChange }) {
-  const chosen = useRef(/** @type {Record<string, number | string>} */ ({}));
-  const set = (/** @type {string} */ name, /** @type {number | string} */ value) => {
-    const { [name]: _, ...rest } = chosen.current;
-    chosen.current = value ? { ...rest, [name]: value } : rest;
-    onChange(chosen.current);
-  };
-  const line = (/** @type {string} */ name) => html`<label class="inline">${t(`program.${name}`)}
-    <input type="number" min="1" max=${lines} data-name=${name}
-      onInput=${(/** @type {any} */ event) => set(name, event.target.valueAsNumber)} /></label>`;
-  return html`<details class="part"><summary>${t("program.part")}</summary><div class="row">
-    ${line("start_line")}${line("end_line")}
-    <label class="inline">${t("job.note")} <input type="text" maxlength="2000"
-      onInput=${(/** @type {any} */ event) => set("note", event.target.value.trim())} /></label>
-  </div></details>`;
 }
 
 /** @param {{program: import("../types.js").Program, onClose: () => void}} props */

@@ -56,7 +56,7 @@ export async function onJob(id, verb, body) {
 
 /**
  * Queue a program on the chosen machine.
- * @param {string} program @param {{hold?: boolean, force?: boolean, start_line?: number, end_line?: number, note?: string}} options
+ * @param {string} program @param {{hold?: boolean, force?: boolean, start_line?: number, end_line?: number, note?: string, mode?: string, on_error?: string}} options
  */
 export async function queueJob(program, options) {
   const answer = await post("/jobs", { program, machine: chosen.value, ...options }, {

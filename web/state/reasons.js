@@ -32,11 +32,13 @@ const inAlarm = ({ machine }) => (machine?.state.status === "alarm" ? null : "re
 const atOnce = ({ machine }) => machine?.protocol === "grbl";
 /** @param {Situation} now @param {string[]} statuses */
 const stands = ({ machine, job }, ...statuses) => machine !== null && !(job && MOVING.has(job.status)) && statuses.includes(machine.state.status);
+/** While its program is read a job can be held already, and let go again. @param {Situation} now @param {boolean} hold */
+const reading = ({ job }, hold) => job?.status === "checking" && job.hold === hold;
 /** @type {Need} */
 const runs = (now) =>
-  now.job?.status === "running" || now.job?.status === "waiting" || (atOnce(now) && stands(now, "run", "jog")) ? null : "reason.nothing_runs";
+  reading(now, false) || now.job?.status === "running" || now.job?.status === "waiting" || (atOnce(now) && stands(now, "run", "jog")) ? null : "reason.nothing_runs";
 /** @type {Need} */
-const paused = (now) => (now.job?.status === "paused" || (atOnce(now) && stands(now, "hold", "door")) ? null : "reason.nothing_paused");
+const paused = (now) => (now.job?.status === "paused" || reading(now, true) || (atOnce(now) && stands(now, "hold", "door")) ? null : "reason.nothing_paused");
 /** @type {Need} */
 const notCancelling = ({ job }) => (job?.cancelling ? "reason.stopping" : null);
 /** @type {Need} */

@@ -93,7 +93,7 @@ export function shownStatus(machine, job) {
   if (machine.link !== "connected") return machine.link === "connecting" ? "connecting" : "offline";
   const { status } = machine.state;
   if (status !== "idle" && status !== "run") return status;
-  if (job?.status === "paused") return "hold";
+  if (job?.status === "paused" || (job?.status === "checking" && job.hold)) return "hold";
   if (job?.status === "waiting") return "tool";
   if (job?.status === "interrupted") return "interrupted";
   if (job?.status === "running" || job?.status === "checking") return "run";

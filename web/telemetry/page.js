@@ -5,7 +5,7 @@ import { html, useEffect, useState } from "../lib/ui.js";
 import { csv } from "../lib/format.js";
 import { number, t } from "../lib/i18n.js";
 import { save } from "../lib/save.js";
-import { chosen, live, machine, secondsSince } from "../state/store.js";
+import { chosen, live, secondsSince } from "../state/store.js";
 import { Plot } from "./plot.js";
 import { ringOf } from "./record.js";
 import { COLUMNS } from "./ring.js";
@@ -33,7 +33,7 @@ export function PlotsPage() {
   const ring = ringOf(chosen.value ?? ""), now = held ?? nowOf(ring), from = now - windowS;
   const shown = PLOTS.map((plot) => ({ ...plot, columns: plot.columns.filter((column) => ring.has(column)) })).filter(({ columns }) => columns.length);
   return html`<div class="column" data-name="plots">
-    <section class="panel plots-bar" aria-label=${t("plots.title")}><h2>${t("plots.title")} <small>${machine.value?.name}</small></h2>
+    <section class="panel plots-bar" aria-label=${t("plots.title")}><h2>${t("plots.title")} <small>${chosen.value}</small></h2>
       <div class="filters" role="radiogroup" aria-label=${t("plots.window")}>${WINDOWS_S.map((seconds) => html`<button key=${seconds} type="button" class="button"
         role="radio" aria-checked=${seconds === windowS} data-name=${`window-${seconds}`} onClick=${() => setWindowS(seconds)}>${t("plots.minutes", { minutes: seconds / 60 })}</button>`)}</div>
       <div class="row"><button type="button" class="button" data-name="plots-hold" aria-pressed=${held !== null}

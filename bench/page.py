@@ -1,0 +1,156 @@
+"""The dashboard in Chromium: how soon it is there, what an hour of messages leaves behind, a path of a million moves.
+
+Not the tests of what it does (tests/web). The one rule: a cold start is a browser that has never seen the page, on the
+daemon's own address, and the clock is the browser's.
+"""
+
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from playwright.sync_api import Browser, Page, expect
+
+from bench.report import Figure, Report
+from tests.harness.browser import FIRST_BYTES, HEARD, Traffic, chromium, heap_bytes, heard, screen
+from tests.harness.process import MACHINE, Daemon, daemon
+from tests.harness.stage import stage
+
+COLD_STARTS = 7
+STATES = 36_000
+ROUNDS = 12
+SEGMENTS = 1_000_000
+PAINT = "performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? 0"
+THERE = """() => new Promise((done) => {
+    const look = () => document.querySelector('[data-name=connection].live')
+        ? requestAnimationFrame(() => done(performance.now())) : requestAnimationFrame(look);
+    look();
+})"""
+DRIVER = r"GL Driver Message|GPU stall"
+
+
+def run(*, states: int = STATES, segments: int = SEGMENTS, cold_starts: int = COLD_STARTS) -> Report:
+    """Some minutes. Raises pytest's Skipped where there is no Chromium."""
+    with chromium() as browser, started() as shop:
+        return Report.of(
+            "page: the dashboard in a browser",
+            [
+                ("first visit, cold cache, loopback", first_visit(browser, shop.url, cold_starts)),
+                (f"{states:,} states at 10 Hz, accelerated", memory(browser, states)),
+                (f"path of {segments:,} moves", preview(browser, shop, segments)),
+            ],
+        )
+
+
+@contextmanager
+def started() -> Iterator[Daemon]:
+    """A daemon with a virtual mill."""
+    with tempfile.TemporaryDirectory() as folder, daemon(Path(folder), "sim:") as one:
+        yield one.connected()
+
+
+def first_visit(browser: Browser, url: str, times: int) -> list[Figure]:
+    """The middle of several; the first one of all has the daemon pack its files."""
+    painted, there = [], []
+    for _ in range(times + 1):
+        with screen(browser, url) as one:
+            traffic = Traffic(one.page)
+            one.page.goto(url)
+            there.append(one.page.evaluate(THERE) / 1000)
+            painted.append(one.page.evaluate(PAINT) / 1000)
+    return [
+        Figure("first paint", sorted(painted[1:])[times // 2], "s", 1.0),
+        Figure("live: connected, everything drawn", sorted(there[1:])[times // 2], "s", 1.0),
+        Figure("the same, first browser after a start of the daemon", there[0], "s"),
+        Figure("bytes over the network", traffic.bytes() / 1024, "KiB", FIRST_BYTES / 1024, digits=1),
+        Figure("requests", len(traffic.requests), digits=0),
+    ]
+
+
+def memory(browser: Browser, states: int) -> list[Figure]:
+    """The heap after each twelfth, and what a message leaves behind in the second half."""
+    figures = []
+    for place in ("machine", "plots", "console"):
+        with stage() as play, screen(browser, play.url) as one:
+            one.page.add_init_script(HEARD)
+            one.go(f"{MACHINE}/{place}")
+            session = one.context.new_cdp_session(one.page)
+            used = []
+            for _ in range(ROUNDS):
+                play.run(states // ROUNDS)
+                while heard(one.page) < play.seq:
+                    time.sleep(0.05)
+                used.append(heap_bytes(session))
+            half = len(used) // 2
+            messages = play.seq * (ROUNDS - half) / ROUNDS
+            mib = 1024 * 1024
+            figures += [
+                Figure(f"{place}: after a twelfth", used[0] / mib, "MiB"),
+                Figure(f"{place}: half way", used[half - 1] / mib, "MiB"),
+                Figure(f"{place}: at the end", used[-1] / mib, "MiB"),
+                Figure(f"{place}: left by a message, second half", (used[-1] - used[half - 1]) / messages, "B", 1.0),
+            ]
+    return figures
+
+
+def preview(browser: Browser, shop: Daemon, segments: int) -> list[Figure]:
+    """A relief. The worker's memory is told by the browser for the whole process group, so it is read from the page."""
+    rows = "".join(f"X{i % 1000 * 0.2:.2f}Y{i // 1000 * 0.2:.2f}Z{(i * 7 % 90) * 0.02:.2f}\n" for i in range(segments))
+    program = shop.http.post("/api/v1/programs?name=relief.nc", content=f"G21 G90 G1 F2000\n{rows}M30\n").json()["id"]
+    began = time.monotonic()
+    shop.http.get(f"/api/v1/programs/{program}/toolpath?machine={MACHINE}", timeout=120)
+    packed_s = time.monotonic() - began
+    with screen(browser, shop.url) as one:
+        one.allowed.append(DRIVER)
+        one.go(f"{MACHINE}/programs/{program}")
+        traffic = Traffic(one.page)
+        began = time.monotonic()
+        one.press("preview-toggle")
+        view = one.named("path-view")
+        expect(view).not_to_have_attribute("data-drawn", "0", timeout=60_000)
+        first_s = time.monotonic() - began
+        expect(view).to_have_attribute("data-complete", "true", timeout=120_000)
+        whole_s = time.monotonic() - began
+        level = float(view.get_attribute("data-level") or 0)
+        turning_ms, resting_ms = frames(one.page)
+        session = one.context.new_cdp_session(one.page)
+        page_mib = heap_bytes(session) / 1024 / 1024
+    return [
+        Figure("the daemon reads the program and packs its drawing", packed_s, "s"),
+        Figure("first picture", first_s, "s"),
+        Figure("as fine as this device draws it", whole_s, "s"),
+        Figure("level then (0: every move)", level, digits=0),
+        Figure("bytes over the network, three.js with it", traffic.bytes() / 1024 / 1024, "MiB"),
+        Figure("a picture while it is turned", turning_ms, "ms"),
+        Figure("the longest that the page itself stood still", resting_ms, "ms"),
+        Figure("heap of the page", page_mib, "MiB"),
+    ]
+
+
+def frames(page: Page) -> tuple[float, float]:
+    """Turned for some seconds by the mouse: ms a picture that was drawn, and the page's longest gap between its own."""
+    page.evaluate(
+        """() => { window.gap = 0; let last = performance.now();
+            const look = (now) => {
+                window.gap = Math.max(window.gap, now - last);
+                last = now;
+                requestAnimationFrame(look);
+            };
+            requestAnimationFrame(look); }"""
+    )
+    view = page.locator('[data-name="path-view"]')
+    box = view.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    before, began = int(view.get_attribute("data-drawn") or 0), time.monotonic()
+    page.mouse.move(x, y)
+    page.mouse.down()
+    step = 0
+    while time.monotonic() - began < 4:
+        step += 1
+        page.mouse.move(x + step % 200, y + step % 60)
+    drawn = int(view.get_attribute("data-drawn") or 0) - before
+    took_ms = (time.monotonic() - began) * 1000
+    page.mouse.up()
+    return took_ms / max(drawn, 1), float(page.evaluate("window.gap"))
