@@ -15,11 +15,13 @@ Status = Literal["offline", "idle", "run", "hold", "jog", "alarm", "home", "chec
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """`code` as the controller numbers it (None: it gave none), `axis` lower-case or None, `message` for people."""
+    """`code` as the controller numbers it (None: it gave none), `axis` lower-case or None, `message` for people.
+    `emergency`: the controller says that its emergency stop is pressed."""
 
     code: int | None
     axis: str | None
     message: str
+    emergency: bool = False
 
 
 # --- the link -------------------------------------------------------------------------------------------------

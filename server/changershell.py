@@ -85,7 +85,7 @@ class Job(Protocol):
 
 class ChangerShell:
     """See the head of this file. `on_estop`: the external chain was opened, stop the machine. `on_tool`: the tool in
-    the spindle is this one, None: nobody knows."""
+    the spindle is this one, None: nobody knows. `emergency`: the machine's own emergency stop is pressed."""
 
     def __init__(
         self,
@@ -103,6 +103,7 @@ class ChangerShell:
         self.config = config
         self.on_estop: Callable[[], None] = lambda: None
         self.on_tool: Callable[[int | None], None] = lambda _tool: None
+        self.emergency: Callable[[], bool] = lambda: False
         self._job, self._db, self._hub, self._clock, self._loop = job, db, hub, clock, loop
         self._connection: object = None
         self._timer: asyncio.TimerHandle | None = None
@@ -175,6 +176,8 @@ class ChangerShell:
         aborted by itself is not aborted twice."""
         self._again = None
         reason = AbortReason.USER if status is Status.CANCELLED else ABORTS.get(code)
+        if code == "alarm" and self.emergency():
+            reason = AbortReason.AUX_ESTOP
         if reason is not None and not (code == "tool_change_failed" and self._aborted_by_itself):
             self.abort(reason, f"the job is {status}")
         self._aborted_by_itself = False

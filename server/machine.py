@@ -15,7 +15,6 @@ from protocol.engine import Engine, OpenWork
 from protocol.events import (
     Announced,
     BatchDone,
-    BatchFailed,
     BatchReceived,
     BatchSent,
     CommandDone,
@@ -126,6 +125,7 @@ class Machine:
             self.name, config.toolchanger, kept=kept, job=self.stream, db=db, hub=hub, clock=clock, loop=self._loop
         )
         self.tools.on_tool = self._tool_is
+        self.tools.emergency = lambda: self._emergency
         self.tools.on_estop = self.chain_opened
         self.stream.ask_changer = self.tools.ask
         self.stream.on_end = self.tools.job_ended
@@ -296,8 +296,6 @@ class Machine:
             case ToolRequested(number=number) if not self.stream.moving:
                 if self.verbs.hold is not None or not self.tools.open(number):
                     self._hub.publish("tool", self.name, {"tool": number, "job": None})
-            case BatchFailed(reason="estop"):
-                self.tools.abort(AbortReason.AUX_ESTOP, "the emergency stop was pressed at the machine")
             case FirmwareRead() | Announced() | StartupBlockRun() | ProbeReported():
                 self._tell(event)
             case _:
@@ -321,7 +319,18 @@ class Machine:
         self._publish_state()
         self.stream.conditions(self.state)
         if self.state.alarm != before.alarm:
+            self._tell_changer_of_alarm()
             self._hub.publish("alarm", self.name, {"alarm": alarm_view(self.state.alarm)})
+
+    @property
+    def _emergency(self) -> bool:
+        """Its own emergency stop is pressed."""
+        return self.state.alarm is not None and self.state.alarm.emergency
+
+    def _tell_changer_of_alarm(self) -> None:
+        """The end of a job says it to the changer; without a job nothing else does. What was demanded here is known."""
+        if self._emergency and not self.stream.moving and not self.tools.stopped:
+            self.tools.abort(AbortReason.AUX_ESTOP, "the emergency stop was pressed at the machine")
 
     def chain_opened(self) -> None:
         """The tool changer's e-stop chain is open: what is done about it is in controller.py."""

@@ -198,7 +198,7 @@ class ElvintoEngine(Settling):
         self._emergency = None
         self._alarmed = True
         if not reported:
-            alarm = Alarm(ALARM_EMERGENCY, None, ALARMS[ALARM_EMERGENCY])
+            alarm = Alarm(ALARM_EMERGENCY, None, ALARMS[ALARM_EMERGENCY], emergency=True)
             self._emit(StateReported(status="alarm", position={}, alarm=alarm))
         for token in self._emergency_tokens:
             self._emit(CommandDone(token))

@@ -75,7 +75,8 @@ def _alarm(params: Mapping[str, str]) -> Alarm:
     axis_number = integer(params.get("AXISNUM"))
     axis = _axis_name(axis_number) if params.get("TYPE", "").lower() == "axisalarm" else None
     known = ALARMS.get(code or 0, f"alarm {code}" if code is not None else "alarm without a number")
-    return Alarm(code, axis, f"{known}, axis {axis.upper()}" if axis else known)
+    message = f"{known}, axis {axis.upper()}" if axis else known
+    return Alarm(code, axis, message, emergency=code == ALARM_EMERGENCY)
 
 
 def _axis_name(axis_number: int | None) -> str | None:

@@ -260,7 +260,8 @@ class Resets(Traffic):
         if self._phase is Phase.RESETTING:
             self._position_kept = self._position_kept and not code.position_lost
             return
-        self._alarm = Alarm(raised.code, None, f"{code.meaning}; {code.remedy}" if not raised.text else raised.text)
+        message = raised.text or f"{code.meaning}; {code.remedy}"
+        self._alarm = Alarm(raised.code, None, message, emergency=code is codes.GRBLHAL_EMERGENCY)
         self._status = "alarm"
         self._emit(StateReported("alarm", {}, alarm=self._alarm, frame="machine"))
         self._raise_alarm()

@@ -94,7 +94,8 @@ class Watching(Resets):
             self._alarm = None
         elif self._alarm is None or (report.substate and report.substate != self._alarm.code):
             code = codes.alarm(report.substate or None, grblhal=self._flavour == "grblhal")
-            self._alarm = Alarm(report.substate or None, None, f"{code.meaning}; {code.remedy}")
+            message, emergency = f"{code.meaning}; {code.remedy}", code is codes.GRBLHAL_EMERGENCY
+            self._alarm = Alarm(report.substate or None, None, message, emergency=emergency)
         machine = report.machine_position
         values = machine if machine is not None else report.work_position
         self._emit(

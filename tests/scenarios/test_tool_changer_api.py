@@ -1,154 +1,42 @@
-"""An external tool changer over the API, from the first T to every fault: the virtual changer at the other end.
+"""An external tool changer over the API on each controller: the virtual changer at the other end of a WebSocket.
 
-The orders are those of the table in docs/toolchanger.md; what a changer sees is what the WebSocket tells. The truth
-about tools is in the virtual changer's magazine.
+The truth about tools is in the virtual changer's magazine. The orders of single pins, row by row of the sheet, are in
+test_tool_changer_rows.py.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any
 
-import httpx
 import pytest
 
-from server.api import create_app
-from server.app import Workshop
-from server.controller import Controller
 from sim.changer.changer import VirtualChanger
 from sim.changer.settings import ChangerSettings
 from tests.harness.asgisocket import AsgiSocket
-from tests.harness.grblworkshop import GrblBench
-from tests.harness.simloop import run_simulated, until
-from tests.harness.workshop import MACHINE, Bench
+from tests.harness.changerbench import ENDED, ROUTER, Story, Wired, desk, told, told_wired
+from tests.harness.simloop import until
+from tests.harness.workshop import MACHINE
 
-BASE_URL = "http://127.0.0.1:8420"
-ROUTER = "/api/v1/machines/router"
-PROGRAM = "G21\nG90\nG1 X1 F3000\nT1 M6\nG1 X2\nT2\nM6\nG1 X3\nT3 M6\nX4\nM30\n"
-ONE = "G21\nG90\nG1 X1 F3000\nT1 M6\nG1 X2\nM30\n"
-ENDED = ("completed", "failed", "cancelled", "interrupted")
-
-
-class Wired:
-    """A virtual changer on a socket of the daemon. `seen`: what changed on its side of the wire, a step an entry."""
-
-    def __init__(self, changer: VirtualChanger, socket: AsgiSocket, app: Any) -> None:
-        self.changer, self.socket, self.app = changer, socket, app
-        self.seen: list[dict[str, Any]] = []
-        self._tasks = [asyncio.ensure_future(self._listen()), asyncio.ensure_future(self._live())]
-
-    async def _listen(self) -> None:
-        loop = asyncio.get_running_loop()
-        await self.socket.say({"type": "io", "machine": "router", "connect": True, "pins": self.changer.connect()})
-        while True:
-            message = await self.socket.hear(within_s=90_000)
-            if message["type"] == "io":
-                self.seen.append(message["data"]["pins"])
-                self.changer.see(message["data"]["pins"], loop.time())
-            else:
-                assert message["type"] == "hello" or message["ok"], message
-
-    async def _live(self) -> None:
-        while True:
-            self.changer.handle_timer(asyncio.get_running_loop().time())
-            if changed := self.changer.changes():
-                await self.socket.say({"type": "io", "machine": "router", "pins": changed})
-            await asyncio.sleep(0.005)
-
-    def close(self) -> None:
-        for task in self._tasks:
-            task.cancel()
-
-    def orders(self, *pins: str) -> list[tuple[str, Any]]:
-        """What these pins did, in order."""
-        return [(pin, value) for step in self.seen for pin, value in step.items() if pin in pins]
+BEGIN = "G21\nG90\nG1 X1 F240\n"
+ONE = f"{BEGIN}T1 M6\nG1 X2\nM30\n"
+LONG = BEGIN + "".join(f"G1 X{at}\n" for at in range(2, 60)) + "M30\n"
+EACH = pytest.mark.parametrize("protocol", ["elvinto", "grbl", "ncframe"])
+TWO = pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
+LOST = -1000.0
 
 
-class Story:
-    def __init__(self, bench: Bench, shop: Workshop, client: httpx.AsyncClient, wired: Wired) -> None:
-        self.bench, self.shop, self.client, self.wired = bench, shop, client, wired
-
-    @property
-    def router(self) -> Controller:
-        return self.shop.machines[MACHINE]
-
-    async def post(self, path: str, status: int = 202, **body: Any) -> Any:
-        answer = await self.client.post(f"{ROUTER}/{path}", json=body or None)
-        assert answer.status_code == status, answer.text
-        return answer.json()
-
-    async def io(self) -> Any:
-        return (await self.client.get(f"{ROUTER}/io")).json()
-
-    async def ready(self) -> None:
-        await until(lambda: self.router.tools.io.connected, within_s=5)
-        await self.post("reset")
-        await until(lambda: self.router.tools.io.start_refusal is None, within_s=5)
-        await until(lambda: self.router.link_status == "connected", within_s=30)
-        await until(lambda: self.router.state.status == "idle", within_s=30)
-
-    async def ended(self, text: str) -> Any:
-        job = await self.bench.job(text)
-        return await self.bench.status(job["id"], *ENDED, within_s=600)
-
-
-def told(
-    folder: Path,
-    story: Callable[[Story], Awaitable[None]],
-    *,
-    protocol: str = "elvinto",
-    changer: ChangerSettings | None = None,
-    **toolchanger: Any,
-) -> None:
-    async def main() -> None:
-        options = {"toolchanger": {"kind": "external", **toolchanger}}
-        bench = GrblBench(folder, options=options) if protocol == "grbl" else Bench(folder, options=options)
-        shop = await bench.connected()
-        app = create_app(shop)
-        transport = httpx.ASGITransport(app)
-        async with (
-            httpx.AsyncClient(transport=transport, base_url=BASE_URL) as client,
-            AsgiSocket(app, query={"topics": "io", "machines": "router"}) as socket,
-        ):
-            wired = Wired(VirtualChanger(changer or ChangerSettings()), socket, app)
-            one = Story(bench, shop, client, wired)
-            await one.ready()
-            await story(one)
-            wired.close()
-        await one.shop.stop()
-
-    run_simulated(main())
-
-
-@pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
-@pytest.mark.parametrize("start_change", [False, True])
-def test_a_changer_changes_three_tools(tmp_path: Path, protocol: str, start_change: bool) -> None:
-    async def story(s: Story) -> None:
-        view = await s.ended(PROGRAM)
-        assert view["status"] == "completed", view
-        assert s.wired.changer.magazine.spindle == 3
-        assert (await s.io())["tool"] == 3
-        begun = s.wired.orders("tool-prepare", "start-change", "tool-change", "tool-number")
-        started = [("start-change", True), ("start-change", False)] if start_change else []
-        last = [
-            *(("tool-prepare", True), ("tool-prepare", False), *started),
-            *(("tool-change", True), ("tool-change", False), ("tool-number", 3)),
-        ]
-        assert begun[-len(last) :] == last
-
-    told(tmp_path, story, protocol=protocol, support_start_change=start_change)
-
-
+@EACH
 @pytest.mark.parametrize(
     ("reason", "status", "message"),
     [(7, "completed", None), (0, "failed", "toolchanger error 0"), (-5, "failed", "toolchanger error -5")],
 )
-def test_what_a_fault_in_the_change_means(tmp_path: Path, reason: int, status: str, message: str | None) -> None:
+def test_what_a_fault_in_the_change_means(
+    tmp_path: Path, protocol: str, reason: int, status: str, message: str | None
+) -> None:
     async def story(s: Story) -> None:
         job = await s.bench.job(ONE)
         await s.bench.status(job["id"], "waiting")
         await asyncio.sleep(0.5)
-        s.wired.changer.fault(reason, asyncio.get_running_loop().time())
+        s.wired.fault(reason)
         view = await s.bench.status(job["id"], *ENDED)
         assert view["status"] == status, view
         error = view["error"]
@@ -160,12 +48,6 @@ def test_what_a_fault_in_the_change_means(tmp_path: Path, reason: int, status: s
         assert (io["tool"], io["faulted"]) == (0, True)
         assert io["parameters"] == {"#5060": 1.0, "#5600": 1.0, "#5601": float(reason)}
         assert ("emc-reason", 101) in s.wired.orders("emc-reason")
-        pins = s.wired.orders("tool-change", "emc-abort", "toolchanger-fault-ack")
-        assert pins[pins.index(("tool-change", True)) + 1 :][:3] == [
-            ("toolchanger-fault-ack", True),
-            ("tool-change", False),
-            ("emc-abort", True),
-        ]
         again = await s.ended(ONE)
         assert again["status"] == status, "the latch aborts the next M6 likewise"
         await asyncio.sleep(1)
@@ -174,21 +56,39 @@ def test_what_a_fault_in_the_change_means(tmp_path: Path, reason: int, status: s
         assert (await s.ended(ONE))["status"] == "completed"
         assert s.wired.changer.magazine.spindle == 1
 
-    told(tmp_path, story)
+    told_wired(tmp_path, story, protocol=protocol)
 
 
-def test_a_fault_while_idle_aborts_the_next_change_before_anything_moves(tmp_path: Path) -> None:
+@EACH
+def test_a_fault_while_idle_aborts_the_next_change_before_anything_moves(tmp_path: Path, protocol: str) -> None:
     async def story(s: Story) -> None:
-        s.wired.changer.fault(-2, asyncio.get_running_loop().time())
+        s.wired.fault(-2)
         await asyncio.sleep(1)
         view = await s.ended(ONE)
         assert view["error"]["code"] == "tool_change_failed"
-        assert "T1M6" not in s.bench.executed()
+        assert not s.went_to_the_place
 
-    told(tmp_path, story)
+    told_wired(tmp_path, story, protocol=protocol)
 
 
-def test_done_and_fault_at_once_is_believed_by_nobody(tmp_path: Path) -> None:
+def test_a_lathe_is_told_the_tool_of_an_m6_that_was_left_out(tmp_path: Path) -> None:
+    async def story(s: Story) -> None:
+        s.wired.fault(3)
+        await asyncio.sleep(1)
+        job = await s.bench.job(f"{BEGIN}T2 M6\nG1 X2\nM0\nT2 M6\nG1 X3\nM30\n")
+        await s.bench.status(job["id"], "paused")
+        assert s.bench.executed() == ["G1 X1000 F240", "G1 X1000 F240", "M0"]
+        await s.post("tool/clear-fault")
+        await s.post("resume")
+        await s.bench.status(job["id"], "completed")
+        assert s.bench.executed()[3:] == ["M6 T2", "G1 X1000 F240", "M30"]
+        assert s.wired.changer.magazine.spindle == 2
+
+    told_wired(tmp_path, story, protocol="ncframe")
+
+
+@TWO
+def test_done_and_fault_at_once_is_believed_by_nobody(tmp_path: Path, protocol: str) -> None:
     async def story(s: Story) -> None:
         job = await s.bench.job(ONE)
         await s.bench.status(job["id"], "waiting")
@@ -200,10 +100,11 @@ def test_done_and_fault_at_once_is_believed_by_nobody(tmp_path: Path) -> None:
         await s.bench.status(job["id"], "completed")
         assert (await s.io())["tool"] == 1
 
-    told(tmp_path, story, changer=ChangerSettings(both=1.0))
+    told_wired(tmp_path, story, protocol=protocol, changer=ChangerSettings(both=1.0))
 
 
-def test_a_lost_changer_fails_the_change_and_nobody_knows_the_tool(tmp_path: Path) -> None:
+@EACH
+def test_a_lost_changer_fails_the_change_and_nobody_knows_the_tool(tmp_path: Path, protocol: str) -> None:
     async def story(s: Story) -> None:
         job = await s.bench.job(ONE)
         await s.bench.status(job["id"], "waiting")
@@ -213,24 +114,36 @@ def test_a_lost_changer_fails_the_change_and_nobody_knows_the_tool(tmp_path: Pat
         view = await s.bench.status(job["id"], *ENDED)
         assert (view["status"], view["error"]["code"]) == ("failed", "tool_change_failed")
         io = await s.io()
-        assert (io["connected"], io["tool"], io["parameters"]["#5601"]) == (False, None, -1000.0)
-        refused = await s.client.patch(f"{ROUTER}/io", json={"pins": {"tool-changed": True}})
-        assert refused.status_code == 409
-        async with AsgiSocket(s.wired.app, query={"topics": "io"}) as socket:
-            wired = Wired(s.wired.changer, socket, s.wired.app)
+        assert (io["connected"], io["tool"], io["parameters"]["#5601"]) == (False, None, LOST)
+        await s.drive({"tool-changed": True}, 409)
+        async with AsgiSocket(desk()[1], query={"topics": "io"}) as socket:
+            wired = Wired(s.wired.changer, socket)
             await until(lambda: s.router.tools.io.connected, within_s=5)
             await asyncio.sleep(1)
-            refusal = (await s.io())["refusal"]
-            assert refusal == "it is not known which tool is in the spindle"
+            assert (await s.io())["refusal"] == "it is not known which tool is in the spindle"
             await s.post("tool/set", tool=0)
             await s.post("tool/clear-fault")
             assert (await s.ended(ONE))["status"] == "completed"
             wired.close()
 
-    told(tmp_path, story)
+    told_wired(tmp_path, story, protocol=protocol)
 
 
-def test_a_changer_that_says_nothing_is_waited_for_in_sight(tmp_path: Path) -> None:
+@TWO
+def test_a_changer_that_is_lost_while_a_job_cuts_lets_it_cut_on(tmp_path: Path, protocol: str) -> None:
+    async def story(s: Story) -> None:
+        job = await s.bench.job(LONG)
+        await asyncio.sleep(3)
+        s.wired.close()
+        await s.wired.socket.disconnect()
+        await s.bench.status(job["id"], "completed")
+        assert (await s.io())["refusal"] == "the tool changer is not connected"
+
+    told_wired(tmp_path, story, protocol=protocol)
+
+
+@EACH
+def test_a_changer_that_says_nothing_is_waited_for_in_sight(tmp_path: Path, protocol: str) -> None:
     async def story(s: Story) -> None:
         job = await s.bench.job(ONE)
         view = await s.bench.status(job["id"], "waiting", within_s=60)
@@ -240,12 +153,74 @@ def test_a_changer_that_says_nothing_is_waited_for_in_sight(tmp_path: Path) -> N
         await s.post("tool/fail")
         view = await s.bench.status(job["id"], *ENDED)
         assert (view["status"], view["error"]["code"]) == ("failed", "tool_change_failed")
-        assert "T1M6" not in s.bench.executed()
+        assert not s.went_to_the_place
 
-    told(tmp_path, story, changer=ChangerSettings(silence=1.0), prepare_timeout=10.0)
+    told_wired(tmp_path, story, protocol=protocol, changer=ChangerSettings(silence=1.0), prepare_timeout=10.0)
 
 
-def test_cancel_while_a_change_is_pending_is_reason_100(tmp_path: Path) -> None:
+@TWO
+def test_a_changer_that_prepares_and_then_says_nothing_is_answered_for_by_a_person(
+    tmp_path: Path, protocol: str
+) -> None:
+    async def story(s: Story) -> None:
+        job = await s.bench.job(ONE)
+        await s.bench.status(job["id"], "waiting")
+        await s.post("tool/confirm", 409)
+        await asyncio.sleep(25)
+        io = await s.io()
+        assert (io["waiting_for"], io["overdue"], io["may_confirm"]) == ("tool-changed", True, True)
+        assert "Tool" not in (await s.io())["pins"], "nothing is guessed"
+        await s.post("tool/confirm")
+        await s.bench.status(job["id"], "completed")
+        assert (await s.io())["tool"] == 1
+
+    told_wired(
+        tmp_path, story, protocol=protocol, changer=ChangerSettings(stuck={"tool-changed": False}), change_timeout=20.0
+    )
+
+
+@TWO
+def test_an_abort_that_is_not_acknowledged_lets_no_job_begin_and_is_told(tmp_path: Path, protocol: str) -> None:
+    async def story(s: Story) -> None:
+        s.wired.changer.settings = ChangerSettings(acknowledges_aborts=False)
+        job = await s.bench.job(ONE)
+        await s.bench.status(job["id"], "waiting")
+        await s.post("stop")
+        await s.bench.status(job["id"], "cancelled")
+        await asyncio.sleep(3)
+        io = await s.io()
+        assert (io["waiting_for"], io["overdue"]) == ("emc-abort-ack", True)
+        assert io["refusal"] == "the tool changer has not acknowledged the last abort"
+        held = await s.bench.job(ONE)
+        await asyncio.sleep(60)
+        assert (await s.bench.status(held["id"], "queued"))["status"] == "queued"
+        await s.post("tool/confirm")
+        assert (await s.io())["refusal"] is None
+        events = await s.get("io/events")
+        said = [event["data"]["message"] for event in events if event["type"] == "tool_message"]
+        assert "The changer has not acknowledged the abort in time (emc-abort-ack)." in said
+
+    told_wired(tmp_path, story, protocol=protocol, ack_timeout=2.0)
+
+
+@TWO
+def test_a_start_change_that_is_not_acknowledged_is_told_and_moves_nothing(tmp_path: Path, protocol: str) -> None:
+    async def story(s: Story) -> None:
+        job = await s.bench.job(ONE)
+        await s.bench.status(job["id"], "waiting")
+        io = await s.io()
+        assert (io["waiting_for"], io["overdue"], io["state"]) == ("start-change-ack", True, "starting")
+        assert not s.went_to_the_place
+        await s.post("tool/confirm")
+        await s.bench.status(job["id"], "completed")
+        assert s.wired.changer.magazine.spindle == 1
+
+    stuck = ChangerSettings(stuck={"start-change-ack": False})
+    told_wired(tmp_path, story, protocol=protocol, changer=stuck, support_start_change=True, ack_timeout=2.0)
+
+
+@EACH
+def test_cancel_while_a_change_is_pending_is_reason_100(tmp_path: Path, protocol: str) -> None:
     async def story(s: Story) -> None:
         job = await s.bench.job(ONE)
         await s.bench.status(job["id"], "waiting")
@@ -259,10 +234,59 @@ def test_cancel_while_a_change_is_pending_is_reason_100(tmp_path: Path) -> None:
         ]
         assert (await s.ended(ONE))["status"] == "completed"
 
-    told(tmp_path, story)
+    told_wired(tmp_path, story, protocol=protocol)
 
 
-def test_e_stop_while_a_change_is_pending(tmp_path: Path) -> None:
+def test_an_alarm_of_the_machine_is_reason_3(tmp_path: Path) -> None:
+    async def story(s: Story) -> None:
+        job = await s.bench.job(LONG)
+        await asyncio.sleep(3)
+        await s.post("reset")  # in the middle of motion that is an alarm
+        view = await s.bench.status(job["id"], *ENDED)
+        assert view["error"]["code"] in ("alarm", "machine_reset"), view
+        await asyncio.sleep(1)
+        assert s.wired.orders("emc-reason")[-1] == ("emc-reason", 3)
+
+    told_wired(tmp_path, story, protocol="grbl")
+
+
+def test_the_emergency_button_of_the_machine_is_reason_2(tmp_path: Path) -> None:
+    async def story(s: Story) -> None:
+        job = await s.bench.job(LONG)
+        await asyncio.sleep(3)
+        s.bench.machine.press_emergency(asyncio.get_running_loop().time())
+        s.bench.cable.touch()
+        view = await s.bench.status(job["id"], *ENDED)
+        assert view["error"]["code"] == "alarm", view
+        await asyncio.sleep(1)
+        assert s.wired.orders("emc-reason")[-1] == ("emc-reason", 2)
+        await s.post("unlock")
+        s.bench.machine.press_emergency(asyncio.get_running_loop().time())
+        s.bench.cable.touch()
+        await asyncio.sleep(2)
+        aborts = [order for order in s.wired.orders("emc-reason", "emc-abort") if order[1]]
+        assert aborts[-2:] == [("emc-abort", True), ("emc-abort", True)], "without a job, too, and once for each"
+
+    told_wired(tmp_path, story)
+
+
+@TWO
+def test_a_program_that_is_wrong_is_reason_1(tmp_path: Path, protocol: str) -> None:
+    async def story(s: Story) -> None:
+        view = await s.ended(f"{BEGIN}M6\nG1 X2\nM30\n")
+        assert view["error"]["code"] == "no_tool_word"
+        await asyncio.sleep(1)
+        assert s.wired.orders("emc-reason", "emc-abort")[-3:] == [
+            ("emc-reason", 1),
+            ("emc-abort", True),
+            ("emc-abort", False),
+        ]
+
+    told_wired(tmp_path, story, protocol=protocol)
+
+
+@EACH
+def test_e_stop_while_a_change_is_pending(tmp_path: Path, protocol: str) -> None:
     async def story(s: Story) -> None:
         job = await s.bench.job(ONE)
         await s.bench.status(job["id"], "waiting")
@@ -276,28 +300,34 @@ def test_e_stop_while_a_change_is_pending(tmp_path: Path) -> None:
         await s.post("unlock")
         await asyncio.sleep(2)
         assert s.wired.orders("emc-reason")[-1] == ("emc-reason", 5)
+        await s.at_rest()
         assert (await s.ended(ONE))["status"] == "completed"
 
-    told(tmp_path, story)
+    told_wired(tmp_path, story, protocol=protocol)
 
 
-def test_the_external_chain_stops_machine_and_job(tmp_path: Path) -> None:
+@EACH
+def test_the_external_chain_stops_machine_and_job(tmp_path: Path, protocol: str) -> None:
     async def story(s: Story) -> None:
-        job = await s.bench.job("G90\n" + "".join(f"G1 X{i} F600\n" for i in range(1, 60)) + "M30\n")
+        job = await s.bench.job(LONG)
         await asyncio.sleep(3)
-        s.wired.changer.press_estop(asyncio.get_running_loop().time())
+        s.wired.press_estop()
         view = await s.bench.status(job["id"], "failed", within_s=5)
         assert view["error"]["code"] == "estop"
         await asyncio.sleep(1)
+        stood = len(s.bench.executed())
         assert s.wired.orders("emc-reason")[-1] == ("emc-reason", 2)
         await s.post("unlock")
-        await asyncio.sleep(1)
+        await asyncio.sleep(3)
         assert (await s.io())["estop"] == "external", "the chain is still open"
-        s.wired.changer.release_estop(asyncio.get_running_loop().time())
+        s.wired.release_estop()
+        await asyncio.sleep(3)
+        assert (await s.io())["estop"] == "external", "the line's return does not switch on"
         await s.post("reset")
         await until(lambda: s.router.tools.io.start_refusal is None, within_s=5)
+        assert len(s.bench.executed()) == stood
 
-    told(tmp_path, story)
+    told_wired(tmp_path, story, protocol=protocol)
 
 
 def test_a_job_that_waits_for_a_changer_outlives_a_crash_and_stands_still_behind_it(tmp_path: Path) -> None:
@@ -305,12 +335,10 @@ def test_a_job_that_waits_for_a_changer_outlives_a_crash_and_stands_still_behind
         job = await s.bench.job(ONE)
         await s.bench.status(job["id"], "waiting")
         s.wired.close()
-        s.bench.crash()
-        shop = await s.bench.connected()
+        shop = await s.restarted()
         router = shop.machines[MACHINE]
-        app = create_app(shop)
-        async with AsgiSocket(app, query={"topics": "io"}) as socket:
-            wired = Wired(VirtualChanger(ChangerSettings()), socket, app)
+        async with AsgiSocket(desk()[1], query={"topics": "io"}) as socket:
+            wired = Wired(VirtualChanger(ChangerSettings()), socket)
             await until(lambda: router.tools.io.connected, within_s=5)
             await asyncio.sleep(20)
             assert (await shop.jobs.get(job["id"]))["status"] == "waiting", "no handshake in an e-stop"
@@ -320,38 +348,91 @@ def test_a_job_that_waits_for_a_changer_outlives_a_crash_and_stands_still_behind
             router.resume()
             await s.bench.status(job["id"], "completed")
             wired.close()
-        s.shop = shop
 
-    told(tmp_path, story)
+    told_wired(tmp_path, story)
+
+
+@TWO
+def test_protocol_version_1_has_no_abort_pins_and_changes_tools_all_the_same(tmp_path: Path, protocol: str) -> None:
+    async def story(s: Story) -> None:
+        names = {pin["name"] for pin in (await s.io())["pins"]}
+        assert not [name for name in names if "abort" in name or "fault" in name or "start" in name or "reason" in name]
+        await s.drive({"emc-abort-ack": True}, 409)
+        job = await s.bench.job(f"{BEGIN}T5\nM6\nG1 X2\nM30\n")
+        await s.rises("tool-prepare")
+        await s.drive({"tool-prepared": True})
+        await s.drive({"tool-prepared": False})
+        await s.rises("tool-change")
+        await s.post("stop")
+        await s.bench.status(job["id"], "cancelled")
+        assert not s.pin("tool-change")
+        assert (await s.io())["refusal"] is None, "nobody has to acknowledge it"
+        job = await s.bench.job(f"{BEGIN}T5\nM6\nG1 X2\nM30\n")
+        await s.rises("tool-prepare")
+        await s.drive({"tool-prepared": True})
+        await s.rises("tool-change")
+        await s.drive({"tool-changed": True})
+        await s.bench.status(job["id"], "completed")
+        assert (await s.io())["tool"] == 5
+
+    async def connected(s: Story) -> None:
+        await s.drive({"emc-enable-in": True})
+        await story(s)
+
+    told(tmp_path, connected, protocol=protocol, kind="external", protocol_version=1, start_in_estop=False)
+
+
+@EACH
+def test_a_random_changer_exchanges_pockets_and_its_table_is_kept(tmp_path: Path, protocol: str) -> None:
+    async def story(s: Story) -> None:
+        text = "T0 P0\nT1 P1\nT2 P2\n"
+        answer = await s.client.put(f"{ROUTER}/tools", json={"text": text})
+        assert (answer.status_code, answer.json()["random"]) == (200, True)
+
+        async def pockets() -> dict[int, int]:
+            return {tool["number"]: tool["pocket"] for tool in (await s.get("tools"))["tools"]}
+
+        program = f"{BEGIN}T1 M6\nG1 X2\nT2 M6\nG1 X3\nM30\n"
+        assert (await s.ended(program))["status"] == "completed"
+        assert s.wired.changer.magazine.spindle == 2
+        assert await pockets() == {2: 0, 0: 1, 1: 2}
+        job = await s.ended(f"{BEGIN}T3 M6\nG1 X2\nM30\n")
+        assert (job["error"]["code"], "tool 3 is not in the tool table" in job["error"]["message"]) == (
+            "tool_change_failed",
+            True,
+        )
+        s.wired.close()
+        shop = await s.restarted()
+        kept = shop.machines[MACHINE].tools.io
+        assert kept.tool == 2
+        assert kept.tool_table is not None
+        assert {tool.number: tool.pocket for tool in kept.tool_table.tools} == {2: 0, 0: 1, 1: 2}
+
+    changer = ChangerSettings(magazine={1: 1, 2: 2}, random=True)
+    told_wired(tmp_path, story, protocol=protocol, changer=changer, random=True)
 
 
 def test_outputs_are_not_driven_from_outside(tmp_path: Path) -> None:
     async def story(s: Story) -> None:
-        for pins, status in (
-            ({"tool-change": True}, 409),
-            ({"nonsense": True}, 422),
-            ({"tool-changed": 1}, 422),
-            ({"tool-prepared": True, "toolchanger-reason": -3}, 200),
-        ):
-            answer = await s.client.patch(f"{ROUTER}/io", json={"pins": pins})
-            assert answer.status_code == status, answer.text
+        await s.drive({"tool-change": True}, 409)
+        await s.drive({"nonsense": True}, 422)
+        await s.drive({"tool-changed": 1}, 422)
+        await s.drive({"tool-prepared": True, "toolchanger-reason": -3})
 
-    told(tmp_path, story)
+    told_wired(tmp_path, story)
 
 
 def test_the_tool_table_is_kept_and_a_tool_that_is_not_in_it_fails_the_job(tmp_path: Path) -> None:
     async def story(s: Story) -> None:
         answer = await s.client.put(f"{ROUTER}/tools", json={"text": "T1 P4 D6 ;six\nT9 nonsense\n"})
         assert (answer.status_code, answer.json()["warnings"][0]["line"]) == (200, 2)
-        shown = (await s.client.get(f"{ROUTER}/tools")).json()
+        shown = await s.get("tools")
         assert [(tool["number"], tool["pocket"]) for tool in shown["tools"]] == [(1, 4)]
         back = await s.client.put(f"{ROUTER}/tools", json={"tools": shown["tools"]})
         assert back.json()["text"] == shown["text"]
         view = await s.ended(ONE.replace("T1", "T2"))
         assert view["error"]["code"] == "tool_change_failed"
-        s.bench.crash()
-        shop = await s.bench.connected()
+        shop = await s.restarted()
         assert [tool.number for tool in shop.machines[MACHINE].tools.io.tool_table.tools] == [1]  # type: ignore[union-attr]
-        s.shop = shop
 
-    told(tmp_path, story)
+    told_wired(tmp_path, story)
