@@ -181,7 +181,9 @@ class JobService:
             newjob.refuse_lines_of_source(program, start_line, end_line)
         first, last = newjob.lines_of(program, start_line, end_line)
         self._starter.check_line(machine, first)
+        stored = newjob.stored_lines(report, mode)
         if not force:
+            newjob.refuse_stored(stored)
             newjob.refuse_warnings(report)
         fields = {
             "machine": machine,
@@ -204,6 +206,8 @@ class JobService:
         if made is None:
             raise ProblemError("queue_full", f"{self._queue_limit} jobs wait for {machine} (server.queue_limit).")
         row = newjob.same_request(made, request_hash)
+        if stored:
+            controller.stream.note("check_writes", job=row["id"], lines=stored)
         self._hub.publish("job", machine, self._view(row))
         await self._background.finish(self.start_next(machine))
         return await self.get(row["id"])

@@ -39,6 +39,24 @@ def refuse_warnings(report: Mapping[str, Any]) -> None:
         raise ProblemError("preflight_warnings", detail, report=report)
 
 
+def stored_lines(report: Mapping[str, Any], mode: str) -> list[int]:
+    """The lines of a check that Grbl carries out all the same: those that write its memory (grbl II.4)."""
+    if mode != "check":
+        return []
+    return sorted({info["line"] for info in report["infos"] if info["code"] == "stored"})
+
+
+def refuse_stored(lines: list[int]) -> None:
+    """Raises ProblemError where the controller's own check would change what the controller keeps."""
+    if lines:
+        raise ProblemError(
+            "needs_force",
+            f"The controller carries out G10, G28.1 and G30.1 in its check mode too (line {lines[0]}): its memory would "
+            'be changed, with places of a motion that never was. "force": true checks it all the same.',
+            lines=lines,
+        )
+
+
 def refuse_lines_of_source(expanded: Mapping[str, Any], start_line: int | None, end_line: int | None) -> None:
     """A line within a loop or a subprogram is executed more than once, or never: it is no place to begin at."""
     if start_line is not None or end_line is not None:

@@ -13,6 +13,7 @@ from gcode.segments import Ints
 from gcode.state import State
 
 SPINDLE_ON = ("M3", "M4")
+STORING = ("set_data", "store_home", "store_second_home")
 
 
 class CourseRules:
@@ -29,6 +30,7 @@ class CourseRules:
         self._ends = tuple(code.name for code in profile.codes.values() if code.effect == "program_end")
         # M7 lights the plasma where the profile says so; elsewhere it is coolant (elvinto §6).
         self._on = (*SPINDLE_ON, *(name for name in groups.get("plasma", ()) if name == "M7"))
+        self._stores = tuple(code.name for code in profile.codes.values() if code.effect in STORING)
         self._takes_speed = "S" in profile.letters
         self._cancels_shift = "G92.1" in profile.codes
         self._said: set[str] = set()
@@ -47,6 +49,7 @@ class CourseRules:
             self._first_cut(piece, moves)
         self._mixed_units(piece)
         self._spindle(piece)
+        self._storing(piece)
         self._last_line = piece.line(piece.columns.lines - 1) if piece.columns.lines else self._last_line
 
     def close(self, state: State, *, compensating: bool = False) -> int:
@@ -123,6 +126,12 @@ class CourseRules:
                 self._reporter.rows(piece, zero, "warning", "spindle_zero", text)
         if len(words):
             self._speed = float(speeds[-1])
+
+    def _storing(self, piece: Piece) -> None:
+        """Grbl carries these out in its check mode as well, with the places of a motion that never was."""
+        for name in self._stores:
+            text = f"the controller keeps what {name} sets when the program has ended"
+            self._reporter.rows(piece, piece.rows_of(name), "info", "stored", text, at=name, subject=name)
 
     # --- the end ------------------------------------------------------------------------------------------------
 

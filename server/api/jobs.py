@@ -62,6 +62,7 @@ def _create(app: FastAPI, services: Services) -> None:
             "idempotency_conflict",
             "queue_full",
             "not_supported",
+            "needs_force",
             "too_large",
             "disk_full",
         ),

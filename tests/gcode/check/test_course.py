@@ -65,3 +65,14 @@ def test_a_program_of_remarks_is_none() -> None:
     assert [(finding.line, finding.code) for finding in report.errors] == [(1, "no_blocks")]
     assert found(report, "no_end") == []
     assert [finding.code for finding in checked("").errors] == ["no_blocks"]
+
+
+def test_what_the_controller_keeps_is_told_with_its_lines() -> None:
+    report = checked("G21 G90|G10 L20 P1 X0|G0 X1 Y1|G28.1|G92 X0|G30.1|G92.1|M30", "grbl-1.1")
+    assert [(finding.line, finding.message.split()[4]) for finding in found(report, "stored")] == [
+        (2, "G10"),
+        (4, "G28.1"),
+        (6, "G30.1"),
+    ]
+    assert level_of(report, "stored") == "info"
+    assert found(checked("G21 G90|G28|G30|G92 X0|G92.1|M30", "grbl-1.1"), "stored") == []
