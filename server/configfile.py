@@ -59,12 +59,17 @@ def load(path: Path | None, environ: Mapping[str, str]) -> Config:
 
     Raises ConfigError with one line for each fault.
     """
+    return load_with_sources(path, environ)[0]
+
+
+def load_with_sources(path: Path | None, environ: Mapping[str, str]) -> tuple[Config, dict[Key, str]]:
+    """The same, and which keys were written by which variable. Raises ConfigError."""
     source = str(path) if path is not None else "the defaults"
     data = _read(path) if path is not None else {}
     overridden, faults = _overlay(data, environ)
     if not faults:
         try:
-            return Config.model_validate(data)
+            return Config.model_validate(data), overridden
         except ValidationError as error:
             faults = [_fault(detail, data, source, overridden) for detail in error.errors(include_url=False)]
     raise ConfigError("\n".join(str(fault) for fault in faults), faults)

@@ -12,6 +12,8 @@ from typing import Annotated
 import typer
 
 from server.cli import (
+    backup,
+    config,
     demo,
     doctor,
     history,
@@ -29,7 +31,23 @@ from server.cli import (
 from server.cli.common import CliError, say, say_json, warn
 from server.cli.daemon import Surroundings
 
-GROUPS = (serve, demo, doctor, offline, jobs, recover, machines, watch, tokens, history, simulator, stored, switches)
+GROUPS = (
+    serve,
+    demo,
+    doctor,
+    config,
+    offline,
+    jobs,
+    recover,
+    machines,
+    watch,
+    tokens,
+    history,
+    backup,
+    simulator,
+    stored,
+    switches,
+)
 
 
 def build() -> typer.Typer:

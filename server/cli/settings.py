@@ -18,6 +18,7 @@ from server.cli.common import CliError, ExitCode, safe
 from server.cli.daemon import surroundings
 from server.config import Config
 from server.configfile import ConfigError, load
+from server.restoring import INCOMPLETE
 
 DEFAULT_CONFIG = Path("millstream.toml")
 
@@ -49,10 +50,10 @@ def database(config: Config) -> Iterator[Database]:
 
 
 @contextmanager
-def sole_daemon(config: Config) -> Iterator[None]:
+def sole_daemon(config: Config, *, restoring: bool = False) -> Iterator[None]:
     """Keeps other daemons away from the data directory. The lock goes with the process, however that ends.
 
-    Raises CliError when somebody has it.
+    Raises CliError when somebody has it, or a restore was broken off there; only another one may go on then.
     """
     folder = config.server.data_dir
     try:
@@ -66,4 +67,7 @@ def sole_daemon(config: Config) -> Iterator[None]:
         except OSError as error:
             advice = "Stop it, or give this one a server.data_dir of its own."
             raise CliError(ExitCode.FAILED, f"{folder}: another millstream daemon works here. {advice}") from error
+        if (folder / INCOMPLETE).exists() and not restoring:
+            advice = "Run it again: millstream restore FILE --force"
+            raise CliError(ExitCode.FAILED, f"{folder}: a restore was broken off in the middle. {advice}")
         yield

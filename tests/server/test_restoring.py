@@ -1,0 +1,199 @@
+"""Restores: verified before anything is touched, the old kept aside, and nothing of a backup moves a machine."""
+
+import os
+import zipfile
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from sqlite_utils import Database
+
+from jobs import history, journal, store
+from jobs.effects import SetStatus
+from jobs.job import Status
+from server import restoring
+from server.archive import ArchiveError
+from server.cli.common import CliError
+from server.cli.settings import sole_daemon
+from server.config import Config
+from server.restoring import INCOMPLETE, in_the_way, restore
+from tests.harness.rows import AT, add_job
+from tests.jobs.test_journal import entry
+from tests.server.test_archive import Data
+
+NOW = datetime(2026, 4, 1, 12, 30, tzinfo=UTC)
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Data:
+    return Data(tmp_path / "data")
+
+
+@pytest.fixture
+def target(tmp_path: Path) -> Path:
+    folder = tmp_path / "target"
+    folder.mkdir()
+    (folder / "lock").touch()
+    return folder
+
+
+def names(folder: Path) -> list[str]:
+    return [path.name for path in folder.iterdir()]
+
+
+def rows(folder: Path, query: str) -> list[tuple[object, ...]]:
+    with closing(Database(folder / "millstream.db")) as db:
+        return list(db.execute(query).fetchall())
+
+
+def test_into_an_empty_folder(data: Data, target: Path, tmp_path: Path) -> None:
+    data.backup(tmp_path / "b.zip")
+    assert in_the_way(target) == []
+    done = restore(tmp_path / "b.zip", target, now=NOW)
+    assert (done.aside, done.held) == (None, 0)
+    assert sorted(path.name for path in target.iterdir()) == ["lock", "millstream.db", "programs"]
+    assert sorted(names(target / "programs")) == sorted(names(data.folder / "programs"))
+    with closing(Database(target / "millstream.db")) as db:
+        assert history.verify(db) is None
+        (last,) = db.query("select type, data from events order by id desc limit 1")
+    assert last["type"] == restoring.RESTORED
+    assert AT in last["data"]
+
+
+def test_what_was_there_is_kept_aside(data: Data, target: Path, tmp_path: Path) -> None:
+    data.backup(tmp_path / "b.zip")
+    for name in ("millstream.db", "millstream.db-wal", "notes.txt"):
+        (target / name).write_text(f"the old {name}")
+    assert in_the_way(target) == ["millstream.db", "millstream.db-wal", "notes.txt"]
+    done = restore(tmp_path / "b.zip", target, now=NOW)
+    assert done.aside == target / "before-restore-20260401T123000Z"
+    assert sorted(names(done.aside)) == ["millstream.db", "millstream.db-wal", "notes.txt"]
+    assert (done.aside / "notes.txt").read_text() == "the old notes.txt"
+    assert not (target / "millstream.db-wal").exists()
+    assert in_the_way(target) == ["millstream.db", "programs"], "what lies aside stays there"
+
+
+def test_a_backup_that_is_no_good_touches_nothing(data: Data, target: Path, tmp_path: Path) -> None:
+    data.backup(tmp_path / "b.zip")
+    (target / "millstream.db").write_text("the old one")
+    content = (tmp_path / "b.zip").read_bytes()
+    (tmp_path / "b.zip").write_bytes(content[:200] + b"\x00" * 50 + content[250:])
+    with pytest.raises(ArchiveError):
+        restore(tmp_path / "b.zip", target, now=NOW)
+    assert sorted(names(target)) == ["lock", "millstream.db"]
+    assert (target / "millstream.db").read_text() == "the old one"
+
+
+def test_a_backup_of_a_newer_version_is_refused(data: Data, target: Path, tmp_path: Path) -> None:
+    with closing(Database(data.database)) as db:
+        db.execute("update _sqlite_migrations set name = 'm999_future' where name = 'm012_parts'")
+        db.conn.commit()
+    data.backup(tmp_path / "b.zip")
+    with pytest.raises(ArchiveError, match=r"newer version, 1\.2\.3 \(m999_future"):
+        restore(tmp_path / "b.zip", target, now=NOW)
+    assert sorted(names(target)) == ["lock"]
+
+
+def test_a_damaged_database_is_refused_although_its_hash_fits(data: Data, target: Path, tmp_path: Path) -> None:
+    def spoil() -> None:
+        (copy,) = tmp_path.glob(".b.zip.*.db")
+        content = bytearray(copy.read_bytes())
+        content[-4096:-3000] = b"\xff" * 1096
+        copy.write_bytes(content)
+
+    data.backup(tmp_path / "b.zip", between=spoil)
+    with pytest.raises(ArchiveError, match="its database is damaged"):
+        restore(tmp_path / "b.zip", target, now=NOW)
+
+
+def begun(db: Database, *statuses: Status) -> int:
+    job = add_job(db)
+    before = Status.QUEUED
+    for after in statuses:
+        store.set_status(db, job, SetStatus(before, after, 4), at=AT)
+        before = after
+    return job
+
+
+def test_nothing_of_a_backup_moves_a_machine(data: Data, target: Path, tmp_path: Path) -> None:
+    """What waited is held; what ran is over with its lines in doubt, and its open rows will never be sent again."""
+    with closing(Database(data.database)) as db:
+        running = begun(db, Status.CHECKING, Status.RUNNING)
+        journal.journal(db, "router", entry(running, 1, 70, 5), AT)
+        interrupted = begun(db, Status.CHECKING, Status.RUNNING, Status.INTERRUPTED)
+        checking = begun(db, Status.CHECKING)
+        waiting = begun(db)
+        done = begun(db, Status.CHECKING, Status.RUNNING, Status.COMPLETED)
+        db.conn.commit()
+    data.backup(tmp_path / "b.zip")
+    assert restore(tmp_path / "b.zip", target, now=NOW).held == 2
+    found = rows(target, "select id, status, hold, error_code, error_line_from, error_line_to from jobs order by id")
+    assert found == [
+        (running, "failed", 0, "in_doubt", 5, 6),
+        (interrupted, "cancelled", 0, "cancelled_in_doubt", None, None),
+        (checking, "queued", 1, None, None, None),
+        (waiting, "queued", 1, None, None, None),
+        (done, "completed", 0, None, None, None),
+    ]
+    assert rows(target, "select status from batches") == [("doubtful",)]
+    with closing(Database(target / "millstream.db")) as db:
+        assert history.verify(db) is None
+
+
+def test_a_restore_that_was_broken_off_keeps_daemons_away(
+    data: Data, target: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data.backup(tmp_path / "b.zip")
+    (target / "millstream.db").write_text("the old one")
+    config = Config.model_validate({"server": {"data_dir": str(target)}})
+    real, renames = Path.rename, 0
+
+    def dying(path: Path, to: Path) -> Path:
+        nonlocal renames
+        renames += 1
+        if renames == 2:
+            raise OSError("the power has gone")
+        return real(path, to)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "rename", dying)
+        with pytest.raises(OSError, match="power"):
+            restore(tmp_path / "b.zip", target, now=NOW)
+    assert (target / INCOMPLETE).exists()
+    with pytest.raises(CliError, match="broken off"), sole_daemon(config):
+        pass
+    with sole_daemon(config, restoring=True):
+        restore(tmp_path / "b.zip", target, now=datetime(2026, 4, 1, 12, 31, tzinfo=UTC))
+    assert (target / "before-restore-20260401T123000Z" / "millstream.db").read_text() == "the old one"
+    with sole_daemon(config):
+        assert not (target / INCOMPLETE).exists()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+def test_restored_by_root_it_still_is_the_daemons_own(data: Data, target: Path, tmp_path: Path) -> None:
+    data.backup(tmp_path / "b.zip")
+    (target / "old").touch()
+    os.chown(target, 12345, 54321)
+    done = restore(tmp_path / "b.zip", target, now=NOW)
+    assert done.aside is not None
+    for path in (target / "lock", target / "millstream.db", *(target / "programs").iterdir(), done.aside):
+        assert (path.stat().st_uid, path.stat().st_gid) == (12345, 54321), path
+
+
+def test_the_configuration_of_a_backup_is_not_put_back(data: Data, target: Path, tmp_path: Path) -> None:
+    (tmp_path / "millstream.toml").write_text("[server]\n")
+    from server import archive
+
+    archive.write(
+        tmp_path / "b.zip",
+        database=data.database,
+        programs=data.folder / "programs",
+        config=tmp_path / "millstream.toml",
+        version="1",
+        created_at=AT,
+    )
+    with zipfile.ZipFile(tmp_path / "b.zip") as file:
+        assert file.read("millstream.toml") == b"[server]\n"
+    restore(tmp_path / "b.zip", target, now=NOW)
+    assert not (target / "millstream.toml").exists()
