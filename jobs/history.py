@@ -79,6 +79,14 @@ def newest(db: Database, job: int, kind: str) -> dict[str, Any] | None:
     return None if row is None or data.get("cut") else data
 
 
+def latest_of(db: Database, job: int, *kinds: str) -> str | None:
+    """Which of these kinds the newest event of a job has; None where it has none of them."""
+    marks = ", ".join("?" * len(kinds))
+    query = f"select type from events where job = ? and type in ({marks}) order by id desc limit 1"  # noqa: S608
+    row = next(db.query(query, [job, *kinds]), None)
+    return None if row is None else str(row["type"])
+
+
 # --- the old end ----------------------------------------------------------------------------------------------
 
 

@@ -48,6 +48,7 @@ def add_program(db: Database, row: Mapping[str, Any]) -> tuple[Row, bool]:
     """Remember a program. The same content again changes nothing: the row as it is, and whether it is new."""
     known = program(db, row["id"])
     if known is not None:
+        db.execute("insert or replace into program_uploads values (?, ?)", [row["id"], row["created_at"]])
         return known, False
     db.execute(
         f"insert into programs ({', '.join(FIELDS_OF_A_PROGRAM)}) values ({_marks(FIELDS_OF_A_PROGRAM)})",  # noqa: S608
@@ -78,6 +79,7 @@ def delete_program(db: Database, id: str) -> int | None:
     if needed is not None:
         return int(needed["id"])
     db.execute("delete from programs where id = ?", [id])
+    db.execute("delete from program_uploads where program = ?", [id])
     db.execute("delete from expansions where source = ? or expanded = ?", [id, id])
     return None
 
@@ -158,6 +160,13 @@ def active_job(db: Database, machine: str) -> Row | None:
     active = list(ACTIVE)
     query = f"select * from jobs where machine = ? and status in ({_marks(active)}) order by id limit 1"  # noqa: S608
     return next(db.query(query, [machine, *active]), None)
+
+
+def last_check(db: Database, machine: str) -> Row | None:
+    """The newest job of this machine that is, or was, a check by the controller itself."""
+    return next(
+        db.query("select * from jobs where machine = ? and mode = 'check' order by id desc limit 1", [machine]), None
+    )
 
 
 def queue(db: Database, machine: str) -> list[Row]:

@@ -1,7 +1,7 @@
 """How a job is run where a protocol gives a choice: for real or through the controller's own check; after a refusal.
 
 Not the running (jobs/runner.py). The one rule: a machine that was put into check mode for a job is taken out of it
-when the job ends, however it ends, as long as it can be reached.
+when the job ends, however it ends, as long as it can be reached; and by the next daemon where this one dies.
 """
 
 import asyncio
@@ -10,13 +10,19 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+from jobs import history, store
 from jobs.delivery import Policy
 from jobs.store import Row
 from protocol.commands import CheckMode, OnError
 from protocol.events import CommandFailed
+from server.clock import Clock, stamp
 from server.controller import Controller
+from server.dbthread import Db
+from server.hub import Hub
 from server.problems import ProblemError
 
+ENTERED, LEFT = "check_mode_entered", "check_mode_left"
+"""The events of a job's history that say whose the check mode is."""
 LEFT_WITHIN_S = 10.0
 LOOK_EVERY_S = 0.05
 
@@ -40,31 +46,68 @@ def columns(
     return {"mode": mode, "on_error": on_error or getattr(dialect, "on_error", None), "ignored_errors": codes}
 
 
-async def enter(controller: Controller, row: Row) -> None:
+async def enter(controller: Controller, row: Row, db: Db, clock: Clock) -> None:
     """Before the first line of a check goes out. Raises ProblemError."""
-    if Policy.of(row).check:
-        answer = await controller.ask(partial(CheckMode, on=True))
-        if isinstance(answer.end, CommandFailed):
-            raise ProblemError("command_failed", f"{controller.name} cannot check: {answer.end.message}.")
+    if not Policy.of(row).check:
+        return
+    # Durable before `$C` goes out: a daemon after this one must know whose check mode it is.
+    write = partial(history.append, at=stamp(clock), kind=ENTERED, data={}, machine=controller.name, job=row["id"])
+    await db.run(write)
+    controller.checking_for = row["id"]
+    answer = await controller.ask(partial(CheckMode, on=True))
+    if isinstance(answer.end, CommandFailed):
+        raise ProblemError("command_failed", f"{controller.name} cannot check: {answer.end.message}.")
 
 
 async def leave(controller: Controller) -> None:
     """After the last one. A reset, which is what a stop is, has left it already."""
-    if not _in_check(controller):
-        return
-    try:
-        answer = await controller.ask(partial(CheckMode, on=False))
-    except ProblemError as problem:
-        log.warning("%s: the check mode is not left: %s", controller.name, problem)
-        return
-    if isinstance(answer.end, CommandFailed):
-        controller.stream.note("check_mode_stays", message=answer.end.message)
-        return
-    # The controller resets itself behind its ok; until it says so the next job would find it in check mode.
-    for _ in range(round(LEFT_WITHIN_S / LOOK_EVERY_S)):
-        if not _in_check(controller):
+    if _in_check(controller):
+        try:
+            answer = await controller.ask(partial(CheckMode, on=False))
+        except ProblemError as problem:
+            log.warning("%s: the check mode is not left: %s", controller.name, problem)
             return
-        await asyncio.sleep(LOOK_EVERY_S)
+        if isinstance(answer.end, CommandFailed):
+            controller.stream.note("check_mode_stays", message=answer.end.message)
+            return
+        # The controller resets itself behind its ok; until it says so the next job would find it in check mode.
+        for _ in range(round(LEFT_WITHIN_S / LOOK_EVERY_S)):
+            if not _in_check(controller):
+                break
+            await asyncio.sleep(LOOK_EVERY_S)
+    forget(controller)
+
+
+def forget(controller: Controller) -> None:
+    """The check mode that a job switched on is over, or is somebody else's from now on."""
+    job, controller.checking_for = controller.checking_for, None
+    if job is not None and controller.link_status == "connected":
+        controller.stream.note(LEFT, job=job)
+
+
+async def left_behind(controller: Controller, db: Db) -> int | None:
+    """The job for which a daemon before this one has switched the check mode on, and not off again."""
+    row = await db.run(store.last_check, controller.name)
+    if row is None or await db.run(history.latest_of, row["id"], ENTERED, LEFT) != ENTERED:
+        return None
+    job: int = row["id"]
+    return job
+
+
+async def clear_up(controller: Controller, hub: Hub) -> None:
+    """The machine has answered: leave a check mode that was left behind. Nothing moves by it: the controller stands in
+    check mode, and resets itself. A check that was interrupted keeps it until somebody cancels that job."""
+    job = controller.checking_for
+    if job is None or controller.stream.active_job is not None:
+        return
+    if _in_check(controller):
+        message = (
+            f"{controller.name} is in check mode: for job {job} it was switched on, and the daemon ended before it was "
+            "switched off. It is switched off now, and the controller resets itself; G92 and the tool length are gone."
+        )
+        hub.publish("log", controller.name, {"level": "warning", "kind": "check_mode", "message": message})
+        controller.stream.note("check_mode_found", job=job)
+    await leave(controller)
 
 
 def _in_check(controller: Controller) -> bool:

@@ -89,6 +89,7 @@ class Machine:
         self.state = MachineState()
         self.metrics = MachineMetrics()
         self.queue_length: Callable[[], int] = lambda: 0
+        self.on_ready: Callable[[], None] = lambda: None
         self._hub = hub
         self._clock = clock
         self._loop = asyncio.get_running_loop()
@@ -102,6 +103,8 @@ class Machine:
         """What it runs from its SD card; STATE `run` alone may be the old news of a job that has just ended."""
         self.unheard_stop: EmergencyStop | None = None
         """An emergency stop that the machine has not confirmed: if the link breaks it is the first word of the next."""
+        self.checking_for: int | None = None
+        """The job for which the controller was put into check mode (jobmodes.py)."""
         self._jogged_at = -float("inf")
         self._ready = False
         self._last_life_at = -float("inf")
@@ -125,7 +128,7 @@ class Machine:
             self.name, config.toolchanger, kept=kept, job=self.stream, db=db, hub=hub, clock=clock, loop=self._loop
         )
         self.tools.on_tool = self._tool_is
-        self.tools.emergency = lambda: self._emergency
+        self.tools.emergency = lambda: _emergency(self.state)
         self.tools.on_estop = self.chain_opened
         self.stream.ask_changer = self.tools.ask
         self.stream.on_end = self.tools.job_ended
@@ -293,6 +296,7 @@ class Machine:
                 self._end_epoch(reason)
             case LinkReady():
                 self._publish_state()
+                self.on_ready()
             case ToolRequested(number=number) if not self.stream.moving:
                 if self.verbs.hold is not None or not self.tools.open(number):
                     self._hub.publish("tool", self.name, {"tool": number, "job": None})
@@ -318,18 +322,14 @@ class Machine:
             return
         self._publish_state()
         self.stream.conditions(self.state)
+        if _emergency(self.state) and not _emergency(before):
+            self._tell_changer_of_emergency()
         if self.state.alarm != before.alarm:
-            self._tell_changer_of_alarm()
             self._hub.publish("alarm", self.name, {"alarm": alarm_view(self.state.alarm)})
 
-    @property
-    def _emergency(self) -> bool:
-        """Its own emergency stop is pressed."""
-        return self.state.alarm is not None and self.state.alarm.emergency
-
-    def _tell_changer_of_alarm(self) -> None:
+    def _tell_changer_of_emergency(self) -> None:
         """The end of a job says it to the changer; without a job nothing else does. What was demanded here is known."""
-        if self._emergency and not self.stream.moving and not self.tools.stopped:
+        if not self.stream.moving and not self.tools.stopped:
             self.tools.abort(AbortReason.AUX_ESTOP, "the emergency stop was pressed at the machine")
 
     def chain_opened(self) -> None:
@@ -364,3 +364,8 @@ class Machine:
 
     def _frames(self) -> dict[str, Any]:
         return dump(() if self._engine is None else self._engine.recent_frames(), now=self._loop.time())
+
+
+def _emergency(state: MachineState) -> bool:
+    """The machine's own emergency stop is pressed."""
+    return state.alarm is not None and state.alarm.emergency

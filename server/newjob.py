@@ -51,8 +51,8 @@ def refuse_stored(lines: list[int]) -> None:
     if lines:
         raise ProblemError(
             "needs_force",
-            f"The controller carries out G10, G28.1 and G30.1 in its check mode too (line {lines[0]}): its memory would "
-            'be changed, with places of a motion that never was. "force": true checks it all the same.',
+            f"The controller carries out G10, G28.1 and G30.1 in its check mode too (line {lines[0]}): its memory "
+            'would be changed, with places of a motion that never was. "force": true checks it all the same.',
             lines=lines,
         )
 

@@ -7,7 +7,7 @@ here is refused by name (`not_supported`) before anything is sent.
 from typing import Any, Literal
 
 from protocol.grbl import registers
-from server import grblviews
+from server import grblviews, jobmodes
 from server.clock import Clock
 from server.controller import Controller
 from server.dbthread import Db
@@ -111,6 +111,7 @@ class Panel:
     async def check_mode(self, *, on: bool) -> None:
         """The controller's parser without motion."""
         await self._enquiries.check_mode(on=on)
+        jobmodes.forget(self._controller)
 
     async def sleep(self, *, by: str) -> None:
         """Motors and spindle off."""

@@ -7,6 +7,7 @@ machine can take the job and the moment it has it, nothing is awaited.
 import asyncio
 import logging
 from collections.abc import Coroutine, Mapping
+from functools import partial
 from typing import Any
 
 from gcode.held import Held
@@ -139,7 +140,7 @@ class Starter:
     async def _enter(self, controller: Controller, row: Row) -> bool:
         """Put the machine into the job's mode; False where it does not go."""
         try:
-            await jobmodes.enter(controller, row)
+            await jobmodes.enter(controller, row, self._db, self._clock)
         except ProblemError as problem:
             log.info("%s: job %d goes back to the queue: %s", controller.name, row["id"], problem)
             return False
@@ -227,6 +228,9 @@ class Starter:
 
     async def adopt(self, controller: Controller) -> None:
         """Take up what a daemon before us left on this machine: before its port is opened."""
+        controller.checking_for = await jobmodes.left_behind(controller, self._db)
+        if controller.checking_for is not None:
+            controller.on_ready = partial(self._clear_up, controller)
         row = await self._db.run(store.active_job, controller.name)
         if row is not None and row["status"] == Status.CHECKING:
             await self.set_status(row, Status.QUEUED)
@@ -235,6 +239,9 @@ class Starter:
             await self._db.run(store.hold_queue, controller.name)
         else:
             await self._adopt(controller, row)
+
+    def _clear_up(self, controller: Controller) -> None:
+        self._background.begin(jobmodes.clear_up(controller, self._hub))
 
     async def _adopt(self, controller: Controller, row: Row) -> None:
         delivery = controller.config.dialect.delivery()
