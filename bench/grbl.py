@@ -272,14 +272,14 @@ async def paused(presses: int, *, readers: int = READERS, topics: str = DASHBOAR
             async with process("bench.grblreaders", url, str(readers), topics) as crowd:
                 assert crowd.stdout is not None
                 await crowd.stdout.readline()
-                pressed = [await _pressed(daemon, random) for _ in range(presses)]
+                pressed = [await pressed(daemon, random) for _ in range(presses)]
             await daemon.cancel(job)
             await daemon.settled(job, "cancelled")
             held = (await mill.seen()).holds_at
-    return sorted(_first_after(held, at) - at for at in pressed)
+    return sorted(first_after(held, at) - at for at in pressed)
 
 
-async def _pressed(daemon: Daemon, random: Random) -> float:
+async def pressed(daemon: Daemon, random: Random) -> float:
     """One pause and what follows; when it was asked for."""
     link = http.client.HTTPConnection(*daemon.address)
     link.connect()
@@ -299,7 +299,8 @@ def _post(link: http.client.HTTPConnection, verb: str) -> None:
     assert answered.status < 300, f"{verb}: {answered.status} {text[:200]!r}"
 
 
-def _first_after(held: list[float], at: float) -> float:
+def first_after(held: list[float], at: float) -> float:
+    """When the hold came out of the wire."""
     return next(hold for hold in held if hold >= at)
 
 

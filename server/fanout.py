@@ -53,7 +53,7 @@ class Fanout:
         if reader.listed or reader.outlet is None or (due_at := reader.due_at) is None:
             return
         loop = asyncio.get_running_loop()
-        if due_at <= loop.time():
+        if not due_at or due_at <= loop.time():
             self._line_up(reader, loop)
         elif due_at < self._resting.get(reader, float("inf")):
             self._resting[reader] = due_at

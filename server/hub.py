@@ -52,12 +52,14 @@ class Hub:
         self._kept_bytes = 0
         self._fanout = Fanout()
         self._subscriptions: set[Subscription] = set()
+        self._takers: dict[tuple[str, str | None], tuple[Subscription, ...]] = {}
+        """Who wants what, as far as it was asked for since a reader came, went or changed its mind: a console says
+        hundreds of lines a second that nobody of a hundred readers may want."""
         self._console_since = clock()
         self._console_lines = 0
         self.published: Counter[str] = Counter()
         self.cut_readers = 0
-        self.console_left_out = 0
-        """Lines that readers did not get because there were so many readers, counted for each."""
+        self._left_out = 0
 
     @property
     def seq(self) -> int:
@@ -68,6 +70,11 @@ class Hub:
     def readers(self) -> int:
         """How many readers are connected."""
         return len(self._subscriptions)
+
+    @property
+    def console_left_out(self) -> int:
+        """Console lines that readers did not get, counted for each: they were slow, or there were so many of them."""
+        return self._left_out + sum(reader.left_out for reader in self._subscriptions)
 
     def publish(
         self,
@@ -84,11 +91,11 @@ class Hub:
         kept = type not in (STATE, CONSOLE)
         if not kept and not self._subscriptions:
             return self._seq
-        readers = [reader for reader in self._subscriptions if reader.wants(type, machine)]
+        readers = self._readers_of(type, machine)
         if not kept and not readers:
             return self._seq
         if type == CONSOLE and len(readers) > CONSOLE_READERS and not self._affords(len(readers)):
-            self.console_left_out += len(readers)
+            self._left_out += len(readers)
             return self._seq
         content = data() if callable(data) else data
         frame = text_frame(self.envelope(type, content, machine=machine, seq=self._seq))
@@ -98,6 +105,13 @@ class Hub:
         for reader in readers:
             reader.offer(message)
         return self._seq
+
+    def _readers_of(self, type: str, machine: str | None) -> tuple[Subscription, ...]:  # noqa: A002
+        readers = self._takers.get((type, machine))
+        if readers is None:
+            readers = tuple(reader for reader in self._subscriptions if reader.wants(type, machine))
+            self._takers[type, machine] = readers
+        return readers
 
     def _affords(self, lines: int) -> bool:
         """Whether a console line for so many readers is still within the bound."""
@@ -121,13 +135,17 @@ class Hub:
 
     def subscribe(self, wanted: Filter) -> Subscription:
         """A new reader; it gets what is published from now on, once it begins. Pair with `unsubscribe`."""
-        subscription = Subscription(wanted, self._fanout)
+        subscription = Subscription(wanted, self._fanout, self._takers.clear)
         self._subscriptions.add(subscription)
+        self._takers.clear()
         return subscription
 
     def unsubscribe(self, subscription: Subscription) -> None:
         """The reader has gone, or was cut."""
+        if subscription in self._subscriptions:
+            self._left_out += subscription.left_out
         self._subscriptions.discard(subscription)
+        self._takers.clear()
         subscription.end()
         self.cut_readers += subscription.is_cut
 

@@ -149,6 +149,11 @@ class Collector(Base):
             "WebSocket readers cut because they did not read.",
             self._hub.cut_readers,
         )
+        yield CounterMetricFamily(
+            "millstream_console_lines_left_out",
+            "Console lines that WebSocket readers did not get.",
+            self._hub.console_left_out,
+        )
 
     def _counter(self, name: str, text: str, read: Callable[[MachineMetrics], int]) -> Metric:
         family = CounterMetricFamily(f"millstream_{name}", text, labels=("machine",))

@@ -6,7 +6,7 @@ and nothing grows: a reader that does not read loses states first, console lines
 
 import asyncio
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from server.fanout import TICK_S, Fanout, Outlet
@@ -58,13 +58,17 @@ class Filter:
 class Subscription:
     """See the head of this file. Until it begins everything waits."""
 
-    def __init__(self, wanted: Filter, fanout: Fanout) -> None:
+    def __init__(self, wanted: Filter, fanout: Fanout, on_change: Callable[[], None]) -> None:
+        """`on_change` is called when it wants something else from now on, or nothing more."""
         self.wanted = wanted
         self.left_out = 0
         self.listed = False
+        self.is_cut = False
+        """Whether the hub has given this reader up."""
         self.outlet: Outlet | None = None
         self.cut_reason = ""
         self._fanout = fanout
+        self._on_change = on_change
         self._owed: deque[bytes] = deque()
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
@@ -73,11 +77,6 @@ class Subscription:
         self._states: dict[str | None, bytes] = {}
         self._state_due_at = 0.0
         self._cut = asyncio.Event()
-
-    @property
-    def is_cut(self) -> bool:
-        """Whether the hub has given this reader up."""
-        return self._cut.is_set()
 
     def begin(self, outlet: Outlet, owed: Iterable[bytes] = ()) -> None:
         """Send to `outlet` from now on: first the frames that are owed, then what waits."""
@@ -100,6 +99,8 @@ class Subscription:
 
     def offer(self, message: Message) -> None:
         """Take a published message that this reader wants; never waits."""
+        if self.is_cut:
+            return
         if message.type == STATE:
             # The newest state takes the place of the one that still waits: never a backlog.
             self._states[message.machine] = message.frame
@@ -136,16 +137,19 @@ class Subscription:
         """Give the reader up and free what waits for it."""
         if self.is_cut:
             return
+        self.is_cut = True
         self.cut_reason = reason
         self._owed.clear()
         self._waiting.clear()
         self._states.clear()
         self._cut.set()
+        self._on_change()
 
     def narrow(self, wanted: Filter) -> None:
         """Change what this reader gets from now on."""
         self.wanted = wanted
         self._states = {machine: held for machine, held in self._states.items() if wanted.takes(STATE, machine)}
+        self._on_change()
 
     @property
     def due_at(self) -> float | None:

@@ -11,8 +11,8 @@ from server.api import create_app
 from server.api.messages import ROLES
 from server.api.routing import required_role
 from server.config import Config
-from server.subscription import TOPICS
 from server.problems import CODES
+from server.subscription import TOPICS
 from tests.harness.docs import page, rows
 
 

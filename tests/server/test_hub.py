@@ -123,6 +123,25 @@ def test_topics_and_machines_are_filtered() -> None:
     assert job["data"] == {"mine": True}
 
 
+def test_readers_that_change_their_mind_get_what_they_want_from_then_on() -> None:
+    h = hub()
+    one, other = h.subscribe(Filter(topics=frozenset({"job"}))), h.subscribe(Filter())
+
+    def got(topic: str) -> list[int]:
+        h.publish(topic, "router", {})
+        return [len(messages(reader.take(0.0))) for reader in (one, other)]
+
+    assert (got("job"), got("log")) == ([1, 1], [0, 1])
+    one.narrow(Filter(topics=frozenset({"log"})))
+    assert (got("job"), got("log")) == ([0, 1], [1, 1])
+    other.cut("enough")
+    assert (got("job"), got("log")) == ([0, 0], [1, 0])
+    h.unsubscribe(one)
+    assert (got("job"), got("log")) == ([0, 0], [0, 0])
+    one = h.subscribe(Filter())
+    assert got("log") == [1, 0]
+
+
 def test_missed_events_are_replayed_without_states_and_console() -> None:
     h = hub()
     for topic in TOPICS:

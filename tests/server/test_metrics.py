@@ -31,6 +31,7 @@ def test_everything_that_is_counted_is_exposed() -> None:
         reader = hub.subscribe(Filter())
         hub.publish("job", "router", {})
         gone = hub.subscribe(Filter())
+        gone.left_out = 3
         gone.cut("slow")
         hub.unsubscribe(gone)
         found = samples({"router": machine}, hub, {"running": 1, "completed": 4})
@@ -56,6 +57,7 @@ def test_everything_that_is_counted_is_exposed() -> None:
             ("millstream_events_total", "type=job"): 1,
             ("millstream_websocket_clients", ""): 1,
             ("millstream_websocket_clients_dropped_total", ""): 1,
+            ("millstream_console_lines_left_out_total", ""): 3,
         }
         assert {key: found.get(key) for key in expected} == expected
         hub.unsubscribe(reader)
