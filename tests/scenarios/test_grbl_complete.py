@@ -1,4 +1,4 @@
-"""When a job on a Grbl is complete: every line acknowledged, and the machine stands; whatever its reports tell ($10)."""
+"""When a job on a Grbl is complete: every line acknowledged, and the machine stands, whatever its reports tell."""
 
 from pathlib import Path
 from typing import Any
