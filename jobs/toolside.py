@@ -13,9 +13,9 @@ from jobs.effects import Effect, SetHold, ToolAsk
 from jobs.runstate import RunState
 from jobs.toolchange import Phase, Step
 
-
+COOLANTS = (7, 8)
 COOLANT_OFF = 9
-"""M9."""
+"""M7 and M8, and M9."""
 
 
 @dataclass(slots=True)
@@ -94,12 +94,14 @@ class ToolSide(RunState):
         return False
 
     def _handed_over(self, batch: PlannedBatch) -> None:
-        """Its words for the changer: T is prepared while the machine goes on."""
+        """Its words for the changer: T is prepared while the machine goes on, and coolant is on before it is needed."""
         if not self.has_changer:
             return
         for letter, number in batch.io:
-            if letter == "M":
+            if letter == "M" and number in COOLANTS:
                 self._emit(ToolAsk("coolant", number, batch.first_line))
+            elif letter == "M":
+                pass  # it is needed until this is executed
             elif not batch.tool_change:
                 self.tools.asked = number
                 self._emit(ToolAsk("prepare", number, batch.first_line))
@@ -113,10 +115,25 @@ class ToolSide(RunState):
                 self.tools.taken_up = before is Phase.NONE
                 asked: Literal["again", "change"] = "again" if before is Phase.NONE else "change"
                 self._emit(ToolAsk(asked, batch.tool, batch.first_line))
-        if batch.ends_program and self.has_changer:
-            self._emit(ToolAsk("coolant", COOLANT_OFF, batch.last_line))  # RS-274: the end of a program is an M9, too
+        if self.has_changer:
+            self._coolant_off(batch)
         if batch.set_tool is not None and self.has_changer:
             self._emit(ToolAsk("set", batch.set_tool, batch.first_line))
+
+    def _coolant_off(self, batch: PlannedBatch) -> None:
+        """An M9 is executed, or the end of the program, which is one too (RS-274): what is switched on behind it, here
+        or in what was handed over since, stays on."""
+        said = [number for letter, number in batch.io if letter == "M"]
+        if batch.ends_program:
+            said.append(COOLANT_OFF)
+        if COOLANT_OFF not in said:
+            return
+        behind = set(said[len(said) - said[::-1].index(COOLANT_OFF) :])
+        for flight in self.ledger.open:
+            behind |= {number for letter, number in flight.entry.batch.io if letter == "M"}
+        off = [code for code in COOLANTS if code not in behind]
+        for code in [COOLANT_OFF] if off == list(COOLANTS) else [-code for code in off]:
+            self._emit(ToolAsk("coolant", code, batch.last_line))
 
     def _leave_out(self) -> None:
         """The M6 ahead did not begin: its block is not sent, and its line is done."""

@@ -155,10 +155,10 @@ class ChangerShell:
                     self._coolant(number or 0, now)
 
     def _coolant(self, code: int, now: float) -> None:
-        if code == 7:
-            self.io.coolant(now, mist=True)
-        elif code == 8:
-            self.io.coolant(now, flood=True)
+        if abs(code) == 7:
+            self.io.coolant(now, mist=code > 0)
+        elif abs(code) == 8:
+            self.io.coolant(now, flood=code > 0)
         else:
             self.io.coolant(now, mist=False, flood=False)
 

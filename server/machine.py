@@ -329,7 +329,7 @@ class Machine:
 
     def _tell_changer_of_emergency(self) -> None:
         """The end of a job says it to the changer; without a job nothing else does. What was demanded here is known."""
-        if not self.stream.moving and not self.tools.stopped:
+        if not self.stream.moving and not self.tools.stopped and self.unheard_stop is None:
             self.tools.abort(AbortReason.AUX_ESTOP, "the emergency stop was pressed at the machine")
 
     def chain_opened(self) -> None:
