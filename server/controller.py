@@ -138,12 +138,14 @@ class Controller(Machine):
         """The controller's own reset, at once, also in the middle of a job; without one the alarm is cleared and the
         machine greeted anew (INIT), and no job may be under way. Raises ProblemError."""
         port = self._port
-        self.tools.estop_reset()
+        stopped = self.tools.estop_reset()
         if self.verbs.reset is not None:
             # What was asked before a reset, and had to wait, does not move anything after it.
             self.manual.sweep(ProblemError("command_failed", "A reset was demanded."))
             self.press(self.verbs.reset)
             return
+        if stopped and self.stream.moving:
+            return  # a job of before the daemon's start waits for its tool: now the changer can be asked
         self._check_no_job()
         if port is None:
             raise ProblemError("not_connected", f"{self.name} is not connected.")
@@ -230,8 +232,10 @@ class Controller(Machine):
 
     async def unlock(self) -> None:
         """RESETALERT, or `$X`, and the end of the e-stop. Raises ProblemError."""
-        self._check_no_job()
         stopped = self.tools.estop_reset()
+        if stopped and self.stream.moving:
+            return  # as in `reset`
+        self._check_no_job()
         if not self._ready:
             raise ProblemError("not_connected", f"{self.name} is {self.link_status}.")
         if self.verbs.unlocks_only_in_alarm and self.state.status != "alarm":

@@ -13,7 +13,8 @@ import json
 import logging
 import signal
 import sys
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlencode
@@ -50,6 +51,8 @@ IN: dict[str, str] = {
     "toolchanger-clear-fault": "bit",
 }
 """What HAL drives: inputs of the component."""
+HEARTBEAT = "heartbeat"
+"""Of the component itself: toggles in every period, so that a watchdog in HAL notices when the component is no more."""
 
 ALONE: dict[str, bool | int] = {
     "tool-prepare": False,
@@ -61,6 +64,9 @@ ALONE: dict[str, bool | int] = {
 }
 """On the pins while the daemon does not answer: an abort. Coolant and enable stay, for a job may be cutting."""
 
+PULSE = "user-request-enable"
+PULSE_S = 0.02
+"""The pulse is at least so long, however near to each other its two messages arrive: a thread of HAL has to see it."""
 S32 = range(-(2**31), 2**31)
 PERIOD_S = 0.01
 """How often the inputs are read: quicker than a person, slower than a network."""
@@ -84,18 +90,29 @@ def _fits(value: object, kind: str) -> bool:
 
 
 class Bridge:
-    """Levels both ways, for one machine."""
+    """Levels both ways, for one machine. `clock` tells seconds."""
 
-    def __init__(self, component: Component, machine: str) -> None:
+    def __init__(self, component: Component, machine: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._component = component
         self._machine = machine
+        self._clock = clock
         self._said: dict[str, bool | int] = {}
+        self._pulse_until: float | None = None
+        """The pulse stands on its pin until then at least."""
+        self._pulse_is_over = False
+        """It is over for the daemon."""
         self.alone()
 
     def alone(self) -> None:
         """The daemon does not answer."""
+        self._pulse_until = None
+        self._pulse_is_over = False
         for pin, value in ALONE.items():
             self._component[pin] = value
+
+    def beat(self) -> None:
+        """The component runs."""
+        self._component[HEARTBEAT] = not self._component[HEARTBEAT]
 
     def greeting(self) -> str:
         """The first message of a connection: all inputs, and that a changer is there."""
@@ -103,7 +120,9 @@ class Bridge:
         return self._message({"connect": True, "pins": self._said})
 
     def changes(self) -> str | None:
-        """The inputs that have changed since they were told last, all in one message; None: none."""
+        """The inputs that have changed since they were told last, all in one message; None: none. To be asked in every
+        period: what has to fall later falls here."""
+        self._end_pulse()
         now = self._inputs()
         changed = {pin: value for pin, value in now.items() if value != self._said[pin]}
         self._said = now
@@ -130,10 +149,25 @@ class Bridge:
     def _drive(self, pins: Mapping[str, Any]) -> None:
         """In the order of the message: the daemon sets a number before the line that says it is good."""
         for pin, value in pins.items():
-            if pin in OUT and _fits(value, OUT[pin]):
+            if pin == PULSE and isinstance(value, bool):
+                self._pulse(high=value)
+            elif pin in OUT and _fits(value, OUT[pin]):
                 self._component[pin] = value
             elif pin not in IN:
                 logger.warning("no level of a pin: %.40r = %.40r", pin, value)
+
+    def _pulse(self, *, high: bool) -> None:
+        self._pulse_is_over = not high
+        if high:
+            self._component[PULSE] = True
+            self._pulse_until = self._clock() + PULSE_S
+        self._end_pulse()
+
+    def _end_pulse(self) -> None:
+        if self._pulse_is_over and (self._pulse_until is None or self._clock() >= self._pulse_until):
+            self._component[PULSE] = False
+            self._pulse_until = None
+            self._pulse_is_over = False
 
     def _inputs(self) -> dict[str, bool | int]:
         return {
@@ -188,15 +222,27 @@ async def run(
     from websockets.version import version
 
     options = connect_options(token, version)
-    while True:
+    told = ""
+    beating = asyncio.ensure_future(_beat(bridge, period_s))
+    while not beating.done():
         try:
             async with websockets.connect(url, **options) as connection:
                 logger.info("connected to %s", url)
+                told = ""
                 await serve(bridge, connection, period_s)
                 logger.warning("the daemon has closed the connection")
         except (OSError, TimeoutError, WebSocketException) as error:
-            logger.warning("no connection to %s: %s", url, error)
-        await asyncio.sleep(retry_s)
+            if str(error) != told:  # once, not in every second of a night
+                logger.warning("no connection to %s: %s", url, error)
+            told = str(error)
+        await asyncio.wait({beating}, timeout=retry_s)
+    await beating
+
+
+async def _beat(bridge: Bridge, period_s: float) -> None:
+    while True:
+        bridge.beat()
+        await asyncio.sleep(period_s)
 
 
 def make_component(hal: Any, name: str) -> Any:
@@ -206,6 +252,7 @@ def make_component(hal: Any, name: str) -> Any:
     for pins, direction in ((OUT, hal.HAL_OUT), (IN, hal.HAL_IN)):
         for pin, kind in pins.items():
             component.newpin(pin, types[kind], direction)
+    component.newpin(HEARTBEAT, hal.HAL_BIT, hal.HAL_OUT)
     return component
 
 
@@ -225,7 +272,15 @@ def main(argv: list[str] | None = None, hal: Any = None) -> int:
     token = given.token_file.read_text(encoding="utf-8").strip() if given.token_file else None
     if hal is None:
         hal = importlib.import_module("hal")  # only there on a machine with LinuxCNC
-    component = make_component(hal, given.name)
+    try:
+        component = make_component(hal, given.name)
+    except hal.error as error:
+        logger.error(
+            "HAL takes no component %s (%s): is one loaded, or was one killed? `halrun -U` ends a HAL",
+            given.name,
+            error,
+        )
+        return 1
     bridge = Bridge(component, given.machine)
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # so halrun ends its components
     component.ready()  # loadusr -W waits for this

@@ -14,8 +14,8 @@ from protocol.iocontrol.requests import Failure
 from protocol.iocontrol.tables import ESTOP, EStop, EStopTrigger, Region
 
 CHAIN_WITHIN_S = 1.0
-"""How long a reset waits for emc-enable-in. Latches and relays answer in some tenths of a second, a HAL behind a network
-needs its way there and back; longer than a person looks at the key the chain must not switch on by itself."""
+"""How long a reset waits for emc-enable-in. Latches and relays answer in some tenths of a second, a HAL behind a
+network needs its way there and back; longer than a person looks at the key the chain must not switch on by itself."""
 
 
 class EStopChain:

@@ -14,8 +14,11 @@ import websockets
 from integrations.linuxcnc_hal import millstream_hal
 from integrations.linuxcnc_hal.millstream_hal import (
     ALONE,
+    HEARTBEAT,
     IN,
     OUT,
+    PULSE,
+    PULSE_S,
     Bridge,
     address,
     connect_options,
@@ -79,7 +82,9 @@ def test_the_pins_are_those_of_the_protocol() -> None:
     assert {pin: spec.type for pin, spec in PINS.items() if spec.direction == "in"} == IN
     assert set(ALONE) <= set(OUT)
     _, component = bridge()
-    assert component.pins == {**{p: (t, "out") for p, t in OUT.items()}, **{p: (t, "in") for p, t in IN.items()}}
+    ours = {**{p: (t, "out") for p, t in OUT.items()}, **{p: (t, "in") for p, t in IN.items()}}
+    assert component.pins == {**ours, HEARTBEAT: ("bit", "out")}
+    assert HEARTBEAT not in ours, "the daemon has nothing to do with it"
 
 
 def test_without_a_daemon_the_abort_line_is_up() -> None:
@@ -135,6 +140,60 @@ def test_what_is_no_level_of_ours_moves_no_pin(text: str | bytes) -> None:
     component.history.clear()
     made.take(text)
     assert component.history == []
+
+
+def test_the_pulse_of_a_reset_is_long_enough_for_a_thread_of_hal() -> None:
+    """Its two messages may come together, for networks collect; what came late already is not made longer."""
+    now = 100.0
+    component = make_component(HAL, "iocontrol.0")
+    made = Bridge(component, "router", clock=lambda: now)
+    made.greeting()
+    made.take(io({"user-request-enable": True}))
+    made.take(io({"user-request-enable": False}))
+    now += PULSE_S * 0.9
+    made.changes()
+    assert component[PULSE] is True
+    now += PULSE_S * 0.2
+    made.changes()
+    assert component[PULSE] is False
+
+    made.take(io({"user-request-enable": True}))
+    now += PULSE_S * 5
+    made.changes()
+    assert component[PULSE] is True, "the daemon wants it to be longer"
+    made.take(io({"user-request-enable": False}))
+    assert component[PULSE] is False
+
+    made.take(io({"user-request-enable": True}))
+    made.alone()
+    assert component[PULSE] is False
+
+
+def test_the_heart_beats_while_the_daemon_does_not_answer() -> None:
+    made, component = bridge()
+
+    async def alone() -> None:
+        running = asyncio.ensure_future(run(made, "ws://127.0.0.1:1/", None, period_s=0.001, retry_s=60))
+        await until(lambda: len([value for pin, value in component.history if pin == HEARTBEAT]) > 4)
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+    asyncio.run(alone())
+    beats = [value for pin, value in component.history if pin == HEARTBEAT]
+    assert beats[:4] == [True, False, True, False]
+
+
+def test_a_name_that_hal_does_not_give_is_said(monkeypatch: pytest.MonkeyPatch, caplog: Any) -> None:
+    class HalError(Exception):
+        pass
+
+    def taken(name: str) -> FakeComponent:
+        raise HalError("Invalid argument")
+
+    hal = SimpleNamespace(**{**vars(HAL), "component": taken, "error": HalError})
+    assert millstream_hal.main(["--url", "http://mill:8420", "--machine", "router"], hal) == 1
+    assert "iocontrol.0" in caplog.text
+    assert "halrun -U" in caplog.text
 
 
 def test_the_address_and_the_token() -> None:
