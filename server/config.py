@@ -25,6 +25,7 @@ from server.section import Allowed, Section, as_tuple, refused
 from server.toolchangerconfig import ToolchangerConfig
 
 DEFAULT_DATA_DIR = "~/.local/share/millstream"
+NO_HOME = "/nonexistent"
 
 GIB_BYTES = 1024**3
 
@@ -46,7 +47,13 @@ def _usable_port(value: str) -> str:
 
 
 def _as_path(value: object) -> object:
-    return Path(value).expanduser() if isinstance(value, str | Path) and value != "" else value
+    if not isinstance(value, str | Path) or value == "":
+        return value
+    try:
+        return Path(value).expanduser()
+    except RuntimeError:
+        # A user without a home, as in a container: what Debian has for such, so that nothing is made in a wrong place.
+        return Path(str(value).replace("~", NO_HOME, 1))
 
 
 DirectoryPath = Annotated[Path, BeforeValidator(_as_path), Allowed("the path of a directory")]

@@ -199,3 +199,12 @@ def test_every_protocol_has_its_section_in_the_model() -> None:
 
 def test_machine_knows_its_profile() -> None:
     assert MachineConfig(name="m", port="sim:").profile == "elvinto"
+
+
+def test_a_user_without_a_home_can_be_told_another_directory(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody(_path: Path) -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "expanduser", nobody)
+    assert ServerConfig().data_dir == Path("/nonexistent/.local/share/millstream")
+    assert ServerConfig.model_validate({"data_dir": "~/here"}).data_dir == Path("/nonexistent/here")
