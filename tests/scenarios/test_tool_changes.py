@@ -18,24 +18,24 @@ from server.hub import Filter
 from server.problems import ProblemError
 from sim.elvinto.settings import SimSettings as SimSettingsElvinto
 from sim.grbl.simsettings import SimSettings
+from tests.harness.changerbench import Story as WiredStory
+from tests.harness.changerbench import bench_of, told_wired
 from tests.harness.grblworkshop import GrblBench
+from tests.harness.ncworkshop import NcBench
 from tests.harness.simloop import run_simulated, until
 from tests.harness.textframes import messages
 from tests.harness.workshop import MACHINE, Bench
 
-PROGRAM = "G21\nG90\nG1 X1 F3000\nT1 M6\nG1 X2\nT2\nM6\nG1 X3\nT3 M6\nX4\nM30\n"
+PROGRAM = "G21\nG90\nG1 X1 F240\nT1 M6\nG1 X2\nT2\nM6\nG1 X3\nT3 M6\nX4\nM30\n"
+EACH = pytest.mark.parametrize("protocol", ["elvinto", "grbl", "ncframe"])
+TWO = pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
 
 Story = Callable[[Any, Workshop, Controller], Awaitable[None]]
 
 
-def bench_of(protocol: str, folder: Path, **toolchanger: Any) -> Bench:
-    options = {"toolchanger": toolchanger}
-    return GrblBench(folder, options=options) if protocol == "grbl" else Bench(folder, options=options)
-
-
 def told(bench: Bench, story: Story) -> None:
     async def main() -> None:
-        shop = await bench.connected()
+        shop = await (bench.located() if isinstance(bench, NcBench) else bench.connected())
         await story(bench, shop, shop.machines[MACHINE])
         if bench.shop is not None:
             await bench.shop.stop()
@@ -51,7 +51,7 @@ def moves(bench: Bench) -> list[str]:
     return [block for block in bench.executed() if block.startswith(("G1", "X"))]
 
 
-@pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
+@EACH
 def test_three_changes_by_a_person(tmp_path: Path, protocol: str) -> None:
     async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
         job = await bench.job(PROGRAM)
@@ -70,7 +70,7 @@ def test_three_changes_by_a_person(tmp_path: Path, protocol: str) -> None:
     told(bench_of(protocol, tmp_path), story)
 
 
-@pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
+@EACH
 def test_a_change_that_a_person_gives_up_is_asked_for_no_more(tmp_path: Path, protocol: str) -> None:
     async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
         job = await bench.job(PROGRAM)
@@ -88,7 +88,7 @@ def test_a_change_that_a_person_gives_up_is_asked_for_no_more(tmp_path: Path, pr
     told(bench_of(protocol, tmp_path), story)
 
 
-@pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
+@EACH
 def test_three_changes_with_jumpers_stop_for_nobody(tmp_path: Path, protocol: str) -> None:
     async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
         job = await bench.job(PROGRAM)
@@ -117,7 +117,67 @@ def test_a_grbl_is_never_sent_m6_and_gets_its_modes_back(tmp_path: Path) -> None
     told(bench_of("grbl", tmp_path, kind="loopback", change_position=["G53G0Z-2", "G53G0X-1Y-1"]), story)
 
 
-@pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
+@EACH
+@pytest.mark.parametrize("start_change", [False, True])
+def test_three_changes_by_a_changer_on_the_network(tmp_path: Path, protocol: str, start_change: bool) -> None:
+    async def story(s: WiredStory) -> None:
+        view = await s.ended(PROGRAM)
+        assert view["status"] == "completed", view
+        assert s.wired.changer.magazine.spindle == 3
+        assert (await s.io())["tool"] == 3
+        begun = s.wired.orders("tool-prepare", "start-change", "tool-change", "tool-number")
+        started = [("start-change", True), ("start-change", False)] if start_change else []
+        last = [
+            *(("tool-prepare", True), ("tool-prepare", False), *started),
+            *(("tool-change", True), ("tool-change", False), ("tool-number", 3)),
+        ]
+        assert begun[-len(last) :] == last
+        assert [entry["tool"] for entry in await history(s.shop, view["id"], "tool_changed")] == [1, 2, 3]
+
+    told_wired(tmp_path, story, protocol=protocol, support_start_change=start_change)
+
+
+@EACH
+def test_a_program_that_asks_for_the_tool_that_is_in(tmp_path: Path, protocol: str) -> None:
+    one = "G21\nG90\nG1 X1 F240\nT1 M6\nG1 X2\nM30\n"
+
+    async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
+        async def asked(text: str = one) -> bool:
+            job = await bench.job(text)
+            view = await bench.status(job["id"], "waiting", "completed")
+            if view["status"] == "waiting":
+                await router.confirm_tool()
+                await bench.status(job["id"], "completed")
+            return bool(view["status"] == "waiting")
+
+        assert await asked()
+        assert router.tools.io.tool_certain
+        assert not await asked(), "it is in"
+        if protocol == "ncframe":
+            await router.run_blocks(["T7"])
+            assert await asked(), "the turret was turned by hand"
+        job = await bench.job(one.replace("G1 X2", "G1 X90"))
+        await asyncio.sleep(3)
+        router.stop()
+        await bench.status(job["id"], "cancelled")
+        await until(lambda: router.state.status == "idle", within_s=5)
+        assert await asked(), "behind an abort"
+
+    told(bench_of(protocol, tmp_path, kind="manual"), story)
+
+
+def test_always_ask_asks_for_the_tool_that_is_in(tmp_path: Path) -> None:
+    async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
+        for _ in range(2):
+            job = await bench.job("G21\nG90\nG1 X1 F240\nT1 M6\nG1 X2\nM30\n")
+            await bench.status(job["id"], "waiting")
+            await router.confirm_tool()
+            await bench.status(job["id"], "completed")
+
+    told(bench_of("grbl", tmp_path, kind="manual", always_ask=True), story)
+
+
+@TWO
 def test_m6_without_a_t_word_names_the_line_and_nothing_moves(tmp_path: Path, protocol: str) -> None:
     async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
         job = await bench.job("G21\nG90\nG1 X1 F3000\nM6\nG1 X2\nM30\n")
@@ -153,7 +213,7 @@ def test_coolant_pins_follow_the_program(tmp_path: Path) -> None:
     told(bench_of("grbl", tmp_path), story)
 
 
-@pytest.mark.parametrize("protocol", ["elvinto", "grbl"])
+@EACH
 def test_without_a_changer_m6_does_not_pass_the_check(tmp_path: Path, protocol: str) -> None:
     async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
         with pytest.raises(ProblemError) as refused:
