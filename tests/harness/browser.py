@@ -105,6 +105,19 @@ def screen(browser: Browser, url: str, size: tuple[int, int] = DESK, **options: 
         context.close()
 
 
+def topmost(page: Page, selector: str) -> bool:
+    """Whether a finger on the middle of it would touch it and nothing above."""
+    return bool(
+        page.evaluate(
+            """(selector) => {
+                const wanted = document.querySelector(selector), box = wanted.getBoundingClientRect();
+                return document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2) === wanted;
+            }""",
+            selector,
+        )
+    )
+
+
 HEARD = """{
     const Plain = WebSocket;
     window.heard = 0;

@@ -17,6 +17,9 @@ DARK_TOO = ("color-contrast", "link-in-text-block")
 """All that depends on colours; the rest is the same in light and dark."""
 
 
+FOCUS_SEEN = "getComputedStyle(document.activeElement).outlineStyle !== 'none'"
+
+
 class Look:
     """Goes through what one person sees; everything found is told at the end, together."""
 
@@ -81,3 +84,63 @@ def test_every_view_of_a_grbl(grbl: Daemon, screens: Callable[..., Screen]) -> N
     look.at("mill/machine", "mill/settings/offsets", "mill/settings/controller")
     look.dialog("defaults-ask", lambda: one.press("defaults-settings"))
     look.well()
+
+
+def reach(one: Screen, name: str) -> None:
+    """By the tabulator alone; what has the focus must be seen."""
+    for _ in range(90):
+        one.page.keyboard.press("Tab")
+        if one.page.evaluate("document.activeElement?.dataset.name") == name:
+            assert (
+                one.page.evaluate("getComputedStyle(document.activeElement).outlineStyle") != "none" or name == "file"
+            )
+            return
+    raise AssertionError(f"{name} cannot be reached by the keyboard")
+
+
+def test_a_job_from_the_file_to_the_history_by_the_keyboard_alone(person: Screen, mill: Daemon) -> None:
+    keys = person.page.keyboard
+    reach(person, "tab-programs")
+    keys.press("Enter")
+    reach(person, "file")
+    with person.page.expect_file_chooser() as chooser:
+        keys.press("Enter")
+    text = WARNED.replace("M30", "".join(f"G1 X{i % 9} F900\n" for i in range(50)) + "M30")
+    chooser.value.set_files({"name": "keys.nc", "mimeType": "text/plain", "buffer": text.encode()})
+    expect(person.named("report")).to_be_visible()
+    reach(person, "run")
+    keys.press("Enter")
+    expect(person.named("warnings")).to_be_visible()
+    reach(person, "force")
+    keys.press("Enter")
+    person.status("run")
+    for button, status in (("pause", "hold"), ("resume", "run")):
+        reach(person, button)
+        keys.press("Enter")
+        person.status(status)
+    job = mill.get("/jobs?limit=1")[0]["id"]
+    mill.status(job, "completed")
+    reach(person, "tab-jobs")
+    keys.press("Enter")
+    for _ in range(90):
+        keys.press("Tab")
+        if str(person.page.evaluate("document.activeElement?.href")).endswith(f"/jobs/{job}"):
+            break
+    keys.press("Enter")
+    expect(person.named("job")).to_have_attribute("data-status", "completed")
+
+
+def test_a_screen_reader_hears_what_others_see(person: Screen, mill: Daemon) -> None:
+    page = person.page
+    expect(page.get_by_role("status").filter(has_text="Idle")).to_have_count(1)
+    for name in ("State", "Position", "Jog", "Figures", "Link", "Queue", "Messages"):
+        expect(page.get_by_role("region", name=name, exact=True)).to_have_count(1)
+    for name in ("E-STOP: Emergency stop of every machine", "Home", "X+", "Y−", "X = 0"):
+        expect(page.get_by_role("button", name=name, exact=True)).to_have_count(1)
+    expect(page.get_by_role("link", name="Programs", exact=True)).to_have_count(1)
+    mill.job(WARNED.replace("M30", "".join(f"G1 X{i % 9} F900\n" for i in range(40))))
+    expect(page.get_by_role("progressbar", name="Progress of the job")).to_be_visible()
+    expect(page.get_by_role("status").filter(has_text="Running")).to_have_count(1)
+    mill.post("/machines/mill/estop")
+    expect(page.get_by_role("dialog", name="Alarm")).to_be_visible()
+    expect(page.get_by_role("status").filter(has_text="Alarm")).to_have_count(1)

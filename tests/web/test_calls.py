@@ -8,26 +8,13 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from sim.elvinto.settings import SimSettings
-from tests.harness.browser import DESK, PHONE, TABLET, Screen
+from tests.harness.browser import DESK, PHONE, TABLET, Screen, topmost
 from tests.harness.process import Daemon, daemon, live_mill, until
 
 pytestmark = pytest.mark.real
 
 TOOL = "G21 G90\nG28\nM3 S12000\nG1 X5 F3000\nT3 M6\nG1 X10 F3000\nM30\n"
 LONG = "G21 G90\nG28\nM3 S12000\n" + "".join(f"G1 X{i % 50} Y{i % 7} F2000\n" for i in range(1, 500)) + "M30\n"
-
-
-def topmost(page: Page, selector: str) -> bool:
-    """Whether a finger on the middle of it would touch it and nothing above."""
-    return bool(
-        page.evaluate(
-            """(selector) => {
-                const wanted = document.querySelector(selector), box = wanted.getBoundingClientRect();
-                return document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2) === wanted;
-            }""",
-            selector,
-        )
-    )
 
 
 def test_a_tool_change_is_asked_on_every_screen_and_one_answer_closes_it(
@@ -70,6 +57,30 @@ def centre(page: Page) -> tuple[float, float]:
     box = page.locator("#estop").bounding_box()
     assert box is not None
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def test_the_estop_is_above_each_dialog_and_acts_from_it(mill: Daemon, screens: Callable[..., Screen]) -> None:
+    one = screens(mill.url, PHONE)
+    program = mill.http.post("/api/v1/programs?name=warned.nc", content=LONG).json()["id"]
+    dialogs = {
+        "ask-zero": ("mill/machine", "zero-all"),
+        "ask-delete": (f"mill/programs/{program}", "delete"),
+        "warnings": (f"mill/programs/{program}", "run"),
+    }
+    for name, (place, button) in dialogs.items():
+        one.go(place)
+        one.press(button)
+        expect(one.named(name)).to_be_visible()
+        assert topmost(one.page, "#estop"), name
+        one.page.mouse.click(*centre(one.page))
+        until(lambda: mill.get("/machines/mill/state")["status"] == "alarm")
+        expect(one.named("call")).to_be_visible()
+        one.page.keyboard.press("Escape")
+        expect(one.named("call")).to_have_count(0)
+        one.page.keyboard.press("Escape")
+        expect(one.named(name)).to_have_count(0)
+        mill.post("/machines/mill/unlock")
+        one.status("idle")
 
 
 def test_an_alarm_is_read_and_unlocked(person: Screen, mill: Daemon) -> None:

@@ -1,5 +1,6 @@
 """The dashboard in front of a Grbl: overrides, coolant, settings with backups, a reset in the middle of a job."""
 
+import re
 from collections.abc import Callable
 
 import pytest
@@ -91,3 +92,28 @@ def test_a_reset_in_the_middle_of_a_job_ends_in_a_plan_that_asks_for_what_it_nee
     one.status("run")
     until(lambda: grbl.get(f"/jobs/{job}")["status"] == "running")
     grbl.post(f"/jobs/{job}/cancel")
+
+
+def test_a_check_run_is_asked_for_with_what_follows_a_refused_line(
+    grbl: Daemon, screens: Callable[..., Screen]
+) -> None:
+    one = screens(grbl.url, PHONE)
+    program = grbl.http.post("/api/v1/programs?name=check.nc", content=PART).json()["id"]
+    one.go(f"mill/programs/{program}")
+    expect(one.named("report")).to_be_visible()
+    one.named("options").click()
+    one.named("mode").select_option("check")
+    one.named("on_error").select_option("stop")
+    expect(one.named("run")).to_contain_text("Check run")
+    one.press("run")
+    if grbl.get(f"/programs/{program}/check?machine=mill")["warnings"]:
+        one.press("force")
+    expect(one.page).to_have_url(re.compile("/machine$"))
+    job = grbl.get("/jobs?limit=1")[0]["id"]
+    before = grbl.get("/machines/mill/state")["position"]
+    view = grbl.status(job, "completed")
+    assert (view["mode"], view["on_error"]) == ("check", "stop")
+    assert grbl.get("/machines/mill/state")["position"] == before, "a check moves nothing"
+    one.go(f"mill/jobs/{job}")
+    expect(one.named("job")).to_contain_text("check only, nothing moves")
+    one.status("idle")

@@ -1,18 +1,32 @@
 """Several machines on one page, the card in a controller, and the sound of a call."""
 
+import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, expect
+from websockets.sync.client import connect
 
-from tests.harness.browser import PHONE, Screen
+from tests.harness.browser import PHONE, Screen, topmost
 from tests.harness.process import Daemon, daemon, until
 
 pytestmark = pytest.mark.real
 
-SECOND = '\n[[machine]]\nname = "lathe"\nport = "sim:?speed_factor=4"\n'
+SECOND = """
+[[machine]]
+name = "lathe"
+port = "sim:?speed_factor=4"
+[[machine]]
+name = "saw"
+port = "sim:?speed_factor=4"
+[machine.toolchanger]
+kind = "external"
+start_in_estop = false
+jumpers = ["emc-enable-in", "emc-abort-ack", "start-change-ack"]
+ack_timeout = 0
+"""
 TOOL = "G21 G90\nG28\nT3 M6\nG1 X10 F3000\nM30\n"
 AGAIN_MS = 4000
 """lib/sound.js"""
@@ -24,35 +38,83 @@ COUNT_TONES = """
 """.replace("AGAIN", str(AGAIN_MS))
 
 
-def test_two_machines_are_told_apart_and_a_call_leads_to_its_own(
-    browser: Browser, tmp_path: Path, screens: Callable[..., Screen]
+@pytest.fixture(scope="module")
+def shop(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """A mill, a lathe, and a saw whose tools a device changes."""
+    with daemon(tmp_path_factory.mktemp("shop"), "sim:?speed_factor=4", elvinto=SECOND) as one:
+        until(lambda: all(machine["link"] == "connected" for machine in one.get("/machines")))
+        yield one
+
+
+def job_of(shop: Daemon, machine: str, text: str) -> int:
+    program = shop.http.post("/api/v1/programs?name=t.nc", content=text).json()["id"]
+    return int(shop.post("/jobs", {"program": program, "machine": machine, "force": True})["id"])
+
+
+def test_machines_are_told_apart_and_a_call_leads_to_its_own(shop: Daemon, screens: Callable[..., Screen]) -> None:
+    one = screens(shop.url, PHONE)
+    one.go("mill/machine")
+    chips = one.page.locator(".machines .chip")
+    expect(chips).to_have_count(3)
+    expect(chips.nth(0)).to_have_attribute("aria-current", "true")
+    wide = one.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    assert wide <= 0
+    shop.post("/machines/lathe/commands", {"blocks": ["G1 X7 F3000"]})
+    job = job_of(shop, "lathe", TOOL)
+    expect(chips.nth(1)).to_contain_text("Waiting")
+    one.status("idle")  # the mill does nothing
+    call = one.named("call")
+    expect(call).to_contain_text("lathe")
+    expect(one.named("call-confirm")).to_have_count(0)
+    call.get_by_role("button", name="Show this machine").click()
+    expect(one.page).to_have_url(re.compile("#/lathe/machine"))
+    one.status("tool")
+    one.press("call-confirm")
+    shop.status(job, "completed")
+    one.page.locator("#estop").click()
+    for name in ("mill", "lathe", "saw"):
+        until(lambda name=name: shop.get(f"/machines/{name}/state")["status"] == "alarm")
+        shop.post(f"/machines/{name}/unlock")
+
+
+def test_the_pins_of_a_changer_are_driven_by_hand_until_it_is_there_itself(
+    shop: Daemon, screens: Callable[..., Screen]
 ) -> None:
-    with daemon(tmp_path, "sim:?speed_factor=4", elvinto=SECOND) as own:
-        own.connected()
-        until(lambda: own.get("/machines/lathe")["link"] == "connected")
-        one = screens(own.url, PHONE)
-        one.go("mill/machine")
-        chips = one.page.locator(".machines .chip")
-        expect(chips).to_have_count(2)
-        expect(chips.nth(0)).to_have_attribute("aria-current", "true")
-        wide = one.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-        assert wide <= 0
-        own.post("/machines/lathe/commands", {"blocks": ["G1 X7 F3000"]})
-        program = own.http.post("/api/v1/programs?name=t.nc", content=TOOL).json()["id"]
-        job = own.post("/jobs", {"program": program, "machine": "lathe", "force": True})["id"]
-        expect(chips.nth(1)).to_contain_text("Waiting")
-        one.status("idle")  # the mill does nothing
-        call = one.named("call")
-        expect(call).to_contain_text("lathe")
-        expect(one.named("call-confirm")).to_have_count(0)
-        call.get_by_role("button", name="Show this machine").click()
-        expect(one.page).to_have_url(re.compile("#/lathe/machine"))
-        one.status("tool")
-        one.press("call-confirm")
-        own.status(job, "completed")
-        one.page.locator("#estop").click()
-        for name in ("mill", "lathe"):
-            until(lambda name=name: own.get(f"/machines/{name}/state")["status"] == "alarm")
+    one = screens(shop.url)
+    one.go("saw/tools")
+    one.page.add_locator_handler(one.named("call"), lambda _: one.page.keyboard.press("Escape"))
+
+    def drive(pin: str) -> None:
+        one.press(f"drive-{pin}")
+        assert not topmost(one.page, f"[data-name=drive-{pin}]"), "asked for once more"
+        one.press("drive-yes")
+        expect(one.named("ask-drive")).to_have_count(0)
+
+    expect(one.named("tools-connected")).to_contain_text("no")
+    drive("toolchanger-clear-fault")
+    drive("toolchanger-clear-fault")
+    expect(one.named("tools-connected")).to_contain_text("yes")  # the first level that is driven counts as connecting
+    job = job_of(shop, "saw", "G21 G90\nT4 M6\nG1 X3 F900\nM30\n")
+
+    for pin in ("tool-prepared", "tool-changed"):
+        expect(one.named("tools-waiting")).to_contain_text(pin)
+        drive(pin)
+        drive(pin)
+    shop.status(job, "completed")
+    expect(one.named("tools-spindle")).to_contain_text("T4")
+    drive("toolchanger-fault")
+    expect(one.named("fault")).to_be_visible()
+    drive("toolchanger-fault")
+    one.press("tools-clear")
+    expect(one.named("fault")).to_have_count(0)
+    with connect(shop.url.replace("http", "ws") + "/api/v1/events?topics=io", proxy=None) as changer:
+        pins = {pin["name"]: pin["value"] for pin in shop.get("/machines/saw/io")["pins"] if pin["direction"] == "in"}
+        changer.send(json.dumps({"type": "io", "machine": "saw", "id": 1, "pins": pins}))
+        expect(one.named("tools-connected")).to_contain_text("yes")
+        for level in (True, False):
+            changer.send(json.dumps({"type": "io", "machine": "saw", "id": 2, "pins": {"tool-prepared": level}}))
+            expect(one.page.locator("[data-pin=tool-prepared] b")).to_have_text("on" if level else "off")
+    expect(one.named("tools-connected")).to_contain_text("no")
 
 
 def test_the_card_is_read_when_asked_and_a_file_of_it_runs(

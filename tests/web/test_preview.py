@@ -111,6 +111,32 @@ def test_on_a_phone_the_layers_are_those_of_the_cuts_and_the_tools_those_of_the_
     expect(one.page.locator("[data-tool]")).to_have_text(["T1", "T2"])
 
 
+def test_two_fingers_bring_it_closer(mill: Daemon, screens: Callable[..., Screen]) -> None:
+    one = opened(screens(mill.url, PHONE, has_touch=True), f"mill/programs/{stored(mill, PART)}")
+    view = one.named("path-view")
+    view.scroll_into_view_if_needed()
+    one.page.wait_for_timeout(400)
+    before, box = view.screenshot(), view.bounding_box()
+    assert box
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    session = one.context.new_cdp_session(one.page)
+
+    def fingers(kind: str, apart: float) -> None:
+        points = [{"x": x - apart, "y": y, "id": 1}, {"x": x + apart, "y": y, "id": 2}] if apart else []
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def pinched() -> None:
+        fingers("touchStart", 20)
+        for apart in (30, 45, 70, 100):
+            fingers("touchMove", apart)
+        fingers("touchEnd", 0)
+
+    draws(one, pinched)
+    one.page.wait_for_timeout(400)
+    assert view.screenshot() != before
+    assert one.page.evaluate("visualViewport.scale") == 1, "the drawing is zoomed, not the page"
+
+
 def test_a_job_is_followed_on_the_page_of_the_machine(mill: Daemon, screens: Callable[..., Screen]) -> None:
     one = screens(mill.url)
     one.allowed.append(DRIVER)

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.harness.browser import Screen
-from tests.harness.process import Daemon
+from tests.harness.process import Daemon, until
 
 pytestmark = pytest.mark.real
 
@@ -96,6 +96,34 @@ def test_the_queue_is_put_in_another_order_and_started(person: Screen, mill: Dae
     mill.status(third, "completed")
     expect(names).to_have_text(["p2.nc"])
     assert mill.get(f"/jobs/{second}")["status"] == "queued"
+
+
+def test_a_part_of_a_program_waits_on_hold_with_a_note_and_what_the_controller_lacks_says_so(
+    person: Screen, mill: Daemon
+) -> None:
+    upload(person, "options.nc", PART.replace("X1 ", "X2 "))
+    person.named("options").click()
+    for name in ("mode", "on_error"):
+        expect(person.named(name)).to_be_disabled()
+    expect(person.page.locator("label", has=person.named("mode"))).to_contain_text("not on this controller")
+    person.named("start_line").fill("4")
+    person.named("end_line").fill("9")
+    person.named("note").press_sequentially("left vice ")
+    person.press("enqueue")
+    person.press("force")
+    [job] = mill.get("/jobs?status=queued")
+    assert [job[key] for key in ("start_line", "end_line", "note", "hold")] == [4, 9, "left vice", True]
+    person.go(f"mill/jobs/{job['id']}")
+    expect(person.named("job")).to_contain_text("4 – 9")
+    expect(person.named("job")).to_contain_text("left vice")
+    person.go(f"mill/programs/{job['program']}")
+    person.named("options").click()
+    person.named("end_line").fill("5")
+    person.named("hold").uncheck()
+    expect(person.named("enqueue")).to_contain_text("begins by itself")
+    person.press("enqueue")
+    person.press("force")
+    until(lambda: "completed" in [one["status"] for one in mill.get("/jobs?limit=1")])
 
 
 def test_the_history_is_filtered_run_again_and_taken_away_as_files(person: Screen, mill: Daemon) -> None:

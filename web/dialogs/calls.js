@@ -46,6 +46,12 @@ const first = computed(() => calls.value[0] ?? null);
 const firstKey = computed(() => first.value?.key ?? "");
 const kindOf = computed(() => first.value?.kind ?? null);
 
+// A call that is over was put aside for good; the next one is a new one, even if it says the same.
+effect(() => {
+  const there = calls.value.some((one) => one.key === aside.value);
+  if (live.value && !there) aside.value = "";
+});
+
 effect(() => {
   const kind = kindOf.value;
   return kind && firstKey.value !== aside.value ? ring(kind) : undefined;

@@ -17,7 +17,7 @@ export function StatusBand({ large }) {
     data-name="band" data-status=${shown}>
     <div class="band-state">
       <${Icon} name=${shown} size=${large ? 72 : 40} />
-      <div><p class="word" data-name="status">${t(`status.${shown}`)}</p>${large && html`<p
+      <div><p class="word" role="status" data-name="status">${t(`status.${shown}`)}</p>${large && html`<p
         class="detail"><${Detail} /></p>`}</div>
     </div>
     <${JobProgress} />

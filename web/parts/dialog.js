@@ -1,33 +1,34 @@
 // A window over the page. Not <dialog>: that would lie over the e-stop and take its touch away.
 // The rule: the keyboard stays inside, Escape is the quiet way out, and the e-stop stays above.
 
-import { html, useEffect, useRef } from "../lib/ui.js";
+import { html, useLayoutEffect, useRef } from "../lib/ui.js";
 import { t } from "../lib/i18n.js";
 import { Icon } from "./icon.js";
 
-const FOCUSABLE = "button, input, select, textarea, a[href], [tabindex='0']";
+/** The open ones, the topmost last: it alone hears the keys, wherever the focus is. @type {object[]} */
+const open = [];
+const FOCUSABLE = ["button", "input", "select", "textarea"].map((one) => `${one}:not(:disabled)`).join() + ",a[href],[tabindex='0']";
 
 /**
  * @param {{title: string, kind?: string, icon?: string, name?: string, wide?: boolean, onClose: () => void, children?: unknown}} props
  */
 export function Dialog({ title, kind = "", icon, name, wide = false, onClose, children }) {
   const box = useRef(/** @type {HTMLElement | null} */ (null));
-  useEffect(() => {
-    const before = document.activeElement;
+  const close = useRef(onClose);
+  close.current = onClose;
+  useLayoutEffect(() => {
+    const before = document.activeElement, me = {};
+    const key = (/** @type {KeyboardEvent} */ event) => { if (open.at(-1) === me) hear(event, box.current, close.current); };
+    open.push(me);
+    document.addEventListener("keydown", key);
     box.current?.focus();
-    return () => before instanceof HTMLElement && before.focus();
+    return () => {
+      open.splice(open.indexOf(me), 1);
+      document.removeEventListener("keydown", key);
+      if (before instanceof HTMLElement) before.focus();
+    };
   }, []);
-  function key(/** @type {KeyboardEvent} */ event) {
-    if (event.key === "Escape") onClose();
-    if (event.key !== "Tab" || !box.current) return;
-    const inside = /** @type {HTMLElement[]} */ ([...box.current.querySelectorAll(FOCUSABLE)]);
-    const estop = document.getElementById("estop");
-    const ring = estop ? [...inside, estop] : inside;
-    const at = ring.indexOf(/** @type {HTMLElement} */ (document.activeElement));
-    event.preventDefault();
-    ring[(at + (event.shiftKey ? ring.length - 1 : 1)) % ring.length]?.focus();
-  }
-  return html`<div class="veil" onKeyDown=${key}>
+  return html`<div class="veil">
     <section ref=${box} class=${`dialog ${kind} ${wide ? "wide" : ""}`} role="dialog" aria-modal="true" aria-label=${title}
         tabindex="-1" data-name=${name}>
       <header>
@@ -39,4 +40,15 @@ export function Dialog({ title, kind = "", icon, name, wide = false, onClose, ch
       <div class="dialog-body">${children}</div>
     </section>
   </div>`;
+}
+
+/** The tabulator goes round in the dialog, and by the e-stop. @param {KeyboardEvent} event @param {HTMLElement | null} box @param {() => void} close */
+function hear(event, box, close) {
+  if (event.key === "Escape") close();
+  if (event.key !== "Tab" || !box) return;
+  const estop = document.getElementById("estop"), inside = /** @type {HTMLElement[]} */ ([...box.querySelectorAll(FOCUSABLE)]);
+  const ring = estop ? [...inside, estop] : inside;
+  const at = ring.indexOf(/** @type {HTMLElement} */ (document.activeElement));
+  event.preventDefault();
+  ring[(at + (event.shiftKey ? ring.length - 1 : 1)) % ring.length]?.focus();
 }
