@@ -56,6 +56,7 @@ async def hal(shop: Workshop, jammed: frozenset[str] = frozenset()) -> AsyncIter
         await until(lambda: shop.machines[MACHINE].tools.io.connected, within_s=5)
         yield bridge
         listening.cancel()
+        await asyncio.gather(listening, return_exceptions=True)
 
 
 def test_a_hal_with_jumpers_changes_the_tools_of_a_job(tmp_path: Path) -> None:
@@ -90,7 +91,8 @@ def test_the_e_stop_behind_a_restart_is_reset_although_a_job_waits_for_its_tool(
             await until(lambda: router.tools.io.start_refusal is None, within_s=5)
             job = await bench.job("G90\nG1 X1 F3000\nT2 M6\nG1 X2\nM30\n")
             await bench.status(job["id"], "waiting", within_s=60)
-            bench.crash()
+            await shop.stop()
+        bench.shop = None
         shop = await bench.connected()
         router = shop.machines[MACHINE]
         async with hal(shop):
