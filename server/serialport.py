@@ -13,7 +13,6 @@ from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 import serial
-import serial_asyncio_fast
 
 READ_BYTES = 65_536
 """Most that is taken from a socket in one go."""
@@ -40,19 +39,23 @@ class Opener(Protocol):
     async def __call__(self, url: str, baud: int, on_data: OnData, on_lost: OnLost) -> Port: ...
 
 
-class _Stream(asyncio.Protocol):
-    """A transport of asyncio as a Port."""
+class _TcpStream(asyncio.BufferedProtocol):
+    """A socket as a Port, read into a buffer of its own: asyncio would make one of 256 KiB for every few bytes."""
 
     def __init__(self, on_data: OnData, on_lost: OnLost) -> None:
         self._on_data = on_data
         self._on_lost: OnLost | None = on_lost
         self._transport: asyncio.Transport | None = None
+        self._buffer = bytearray(READ_BYTES)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = transport  # type: ignore[assignment]
 
-    def data_received(self, data: bytes) -> None:
-        self._on_data(data)
+    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - what it is called with
+        return self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        self._on_data(bytes(memoryview(self._buffer)[:nbytes]))
 
     def connection_lost(self, exc: Exception | None) -> None:
         lost, self._on_lost = self._on_lost, None
@@ -70,42 +73,76 @@ class _Stream(asyncio.Protocol):
             self._transport.abort()
 
 
-class _TcpStream(_Stream, asyncio.BufferedProtocol):
-    """The same for a socket, into a buffer of its own: asyncio would make one of 256 KiB for every few bytes."""
+class _Device:
+    """An open serial device as a Port. The loop says when it can be read; what is written goes to it at once, and only
+    what it does not take waits. No transport of asyncio: a Grbl answers every line, and each answer comes this way."""
 
-    def __init__(self, on_data: OnData, on_lost: OnLost) -> None:
-        super().__init__(on_data, on_lost)
-        self._buffer = bytearray(READ_BYTES)
+    def __init__(self, device: serial.Serial, on_data: OnData, on_lost: OnLost) -> None:
+        self._device = device
+        self._file = device.fileno()
+        self._on_data = on_data
+        self._on_lost: OnLost | None = on_lost
+        self._waiting = bytearray()
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(self._file, self._readable)
 
-    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - what it is called with
-        return self._buffer
+    def write(self, data: bytes) -> None:
+        if self._on_lost is None:
+            return
+        if not self._waiting:
+            taken = self._push(data)
+            if taken == len(data):
+                return
+            data = data[taken:]
+            self._loop.add_writer(self._file, self._writable)
+        self._waiting += data
 
-    def buffer_updated(self, nbytes: int) -> None:
-        self.data_received(bytes(memoryview(self._buffer)[:nbytes]))
+    def close(self) -> None:
+        if self._on_lost is None:
+            return
+        self._on_lost = None
+        self._loop.remove_reader(self._file)
+        self._loop.remove_writer(self._file)
+        self._waiting.clear()  # it belongs to an epoch that is over and must not go out
+        # A driver that still has bytes for the wire waits for them when it is closed.
+        self._loop.run_in_executor(None, self._device.close)
 
+    def _readable(self) -> None:
+        try:
+            data = os.read(self._file, READ_BYTES)
+        except OSError:
+            data = b""
+        if data or (data := self._asked()):
+            self._on_data(data)
 
-class _Device(serial.Serial):
-    """A serial port of which the loop knows already that it can be read or written: pyserial asks the system again each
-    time, and where the device takes nothing more it would try for ever instead of leaving the rest to the loop."""
+    def _asked(self) -> bytes:
+        """A read that gave nothing: pyserial finds out whether something is wrong, and says it."""
+        try:
+            return bytes(self._device.read(READ_BYTES))
+        except OSError as error:
+            self._lose(error)
+            return b""
 
-    def read(self, size: int = 1) -> bytes:
-        """What has come; never waits. What is wrong, pyserial finds out and says."""
-        if os.name == "posix" and self.is_open:
-            with suppress(OSError):
-                if data := os.read(self.fileno(), size):
-                    return data
-        return bytes(super().read(size))
+    def _writable(self) -> None:
+        del self._waiting[: self._push(self._waiting)]
+        if not self._waiting:
+            self._loop.remove_writer(self._file)
 
-    def write(self, data: Any, /) -> int | None:
-        """How many bytes the device has taken. Raises BlockingIOError when it takes none at the moment."""
-        if os.name == "posix" and self.is_open:
-            try:
-                return os.write(self.fileno(), data)
-            except BlockingIOError:
-                raise
-            except OSError:
-                pass  # pyserial finds out what is wrong, and says it
-        return super().write(data)
+    def _push(self, data: bytes | bytearray) -> int:
+        """How many bytes the device takes now."""
+        try:
+            return os.write(self._file, data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            self._loop.call_soon(self._lose, error)  # whoever writes is in the middle of something
+            return len(data)
+
+    def _lose(self, error: OSError) -> None:
+        lost = self._on_lost
+        self.close()
+        if lost is not None:
+            lost(f"the port was closed: {error}")
 
 
 class PortOpener:
@@ -158,7 +195,7 @@ async def _open_tcp(url: str, on_data: OnData, on_lost: OnLost) -> Port:
 async def _open_device(path: str, baud: int, on_data: OnData, on_lost: OnLost, *, dtr: bool) -> Port:
     def open_blocking() -> serial.Serial:
         # Two opens of one port are allowed unless exclusive is asked for, and each would get half of the answers.
-        device = _Device(None, baudrate=baud, exclusive=True, timeout=0, write_timeout=0)
+        device = serial.Serial(None, baudrate=baud, exclusive=True, timeout=0, write_timeout=0)
         device.port, device.dtr = path, dtr
         device.open()
         with suppress(ValueError, OSError, AttributeError):
@@ -170,10 +207,7 @@ async def _open_device(path: str, baud: int, on_data: OnData, on_lost: OnLost, *
         device = await asyncio.to_thread(open_blocking)
     except ValueError as error:
         raise OSError(f"{path}: {error}") from error
-    stream = _Stream(on_data, on_lost)
-    serial_asyncio_fast.SerialTransport(asyncio.get_running_loop(), stream, device)
-    await asyncio.sleep(0)  # the transport announces itself in the next round of the loop
-    return stream
+    return _Device(device, on_data, on_lost)
 
 
 def list_ports() -> list[dict[str, Any]]:
