@@ -1,6 +1,7 @@
 """Drilling cycles of grblHAL, G73 and G81 to G83, in the plane G17 (grbl, "G-code extra").
 
-The one rule: a cycle is nothing but lines and dwells in the queue, with L of them in a row when distances are relative.
+Not LinuxCNC's: a peck of G83 goes back to where the cycle goes back to, and is fed from there. The one rule: a cycle is
+nothing but lines and dwells in the queue, L of them in a row: at the same place, or each further on under G91.
 """
 
 from typing import Final
@@ -10,56 +11,47 @@ from sim.grbl.gcodecheck import Plan
 from sim.grbl.motion import dwell, line
 from sim.grbl.simsettings import Point
 
-CLEARANCE_MM: Final = 0.25
-"""G73 backs off so far; G83 stops so far above the last depth."""
+BACK_OFF_MM: Final = 0.1
+"""So far G73 backs off; grblHAL keeps it in $28."""
+PECK_DWELL_S: Final = 0.25
+"""At the bottom of each peck, to break the chip."""
 
 
 def canned_cycle(core: Core, plan: Plan) -> Task[None]:
-    modal, values = core.modal, plan.block.values
-    scale = 25.4 if plan.units == "G20" else 1.0
-    cycle = modal.cycle if modal.motion == plan.motion else {}
-    for letter in "RZQ":
-        if letter in values:
-            cycle[letter] = values[letter] * scale
-    if "P" in values:
-        cycle["P"] = values["P"]
-    modal.cycle = cycle
-    x, y, start_z = plan.target[0], plan.target[1], modal.position[2]
-    offset_z = modal.offset[2]
-    if plan.distance == "G91":
-        clear_z = start_z + cycle["R"]
-        depth_z = clear_z + cycle["Z"]
-    else:
-        clear_z, depth_z = cycle["R"] + offset_z, cycle["Z"] + offset_z
-    dx, dy = x - modal.position[0], y - modal.position[1]
-    back_z = max(start_z, clear_z) if modal.retract == "G98" else clear_z
+    modal = core.modal
+    cycle = modal.cycle = plan.cycle
+    top_z = cycle["R"]
+    x, y = plan.target[0], plan.target[1]
+    dx, dy = (x - modal.position[0], y - modal.position[1]) if plan.distance == "G91" else (0.0, 0.0)
     place = modal.position
-    for nth in range(int(values.get("L", 1)) if plan.distance == "G91" else 1):
-        if place[2] < clear_z:
-            place = (place[0], place[1], clear_z)
-            yield from line(core, place, "rapid", 0.0)
+    if place[2] < top_z:
+        place = (place[0], place[1], top_z)
+        yield from line(core, place, "rapid", 0.0)
+    back_z = place[2] if modal.retract == "G98" else top_z
+    for nth in range(int(plan.block.values.get("L", 1))):
         place = (x + dx * nth, y + dy * nth, place[2])
         yield from line(core, place, "rapid", 0.0)
-        yield from line(core, (place[0], place[1], clear_z), "rapid", 0.0)
-        yield from _drill(core, plan, (place[0], place[1], clear_z), depth_z, cycle)
+        if place[2] > top_z:
+            yield from line(core, (place[0], place[1], top_z), "rapid", 0.0)
+        yield from _drill(core, plan, (place[0], place[1], top_z), back_z)
         place = (place[0], place[1], back_z)
-        yield from line(core, place, "rapid", 0.0)
         if core.abort:
             return
     modal.position = place
 
 
-def _drill(core: Core, plan: Plan, top: Point, depth_z: float, cycle: dict[str, float]) -> Task[None]:
+def _drill(core: Core, plan: Plan, top: Point, back_z: float) -> Task[None]:
     x, y, z = top
-    peck_mm = cycle["Q"] if plan.motion in ("G73", "G83") else top[2] - depth_z
-    while z > depth_z and not core.abort:
-        z = max(depth_z, z - peck_mm) if peck_mm > 0 else depth_z
+    cycle = plan.cycle
+    bottom_z, pecks = cycle["Z"], plan.motion in ("G73", "G83")
+    peck_mm = cycle["Q"] if pecks else z - bottom_z
+    dwell_s = PECK_DWELL_S if pecks else cycle["P"] if plan.motion == "G82" else 0.0
+    while z > bottom_z:
+        z = max(bottom_z, z - peck_mm) if peck_mm > 0 else bottom_z
         yield from line(core, (x, y, z), "feed", plan.feed)
-        if z <= depth_z:
-            break
-        up_z = top[2] if plan.motion == "G83" else min(top[2], z + CLEARANCE_MM)
+        if dwell_s and not core.abort:
+            yield from dwell(core, dwell_s)
+        if core.abort:
+            return
+        up_z = z + BACK_OFF_MM if plan.motion == "G73" and z > bottom_z else back_z
         yield from line(core, (x, y, up_z), "rapid", 0.0)
-        if plan.motion == "G83":
-            yield from line(core, (x, y, min(up_z, z + CLEARANCE_MM)), "rapid", 0.0)
-    if plan.motion == "G82" and not core.abort:
-        yield from dwell(core, cycle["P"])

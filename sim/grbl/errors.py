@@ -57,6 +57,7 @@ ERRORS: Final[dict[int, str]] = {
     45: "limit switch is engaged",
     46: "homing is required",
     47: "tool error",
+    54: "retract position below the bottom",
     57: "stray %",
 }
 

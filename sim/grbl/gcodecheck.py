@@ -49,6 +49,8 @@ class Plan:
     offset: tuple[float, float] = (0.0, 0.0)
     """Centre of an arc from its start, in its plane."""
     radius: float = 0.0
+    cycle: dict[str, float] = field(default_factory=dict[str, float])
+    """grblHAL: what holds of a canned cycle from here on; R and Z as places."""
     jog: bool = False
     unused: set[str] = field(default_factory=set[str])
 
@@ -230,19 +232,33 @@ def _motion(plan: Plan, modal: Modal, scale: float, kind: SimSettings) -> None:
         if plan.target == modal.position:
             raise Refused(33)
     elif plan.motion in CYCLES and kind.hal:
-        _cycle(plan, modal)
+        _cycle(plan, modal, scale)
 
 
-def _cycle(plan: Plan, modal: Modal) -> None:
-    """grblHAL: R and Z are wanted by the first block of a cycle and stay; G73 and G83 want Q."""
-    known = set(modal.cycle) if modal.motion == plan.motion else set[str]()
-    here = set(plan.block.values)
+def _cycle(plan: Plan, modal: Modal, scale: float) -> None:
+    """grblHAL: R and Z are wanted by the first block of a cycle and stay; G73 and G83 want Q.
+
+    Under G91 R counts from where Z stands in the block that says it, Z from R; further holes keep both places.
+    """
+    cycle = dict(modal.cycle) if modal.motion == plan.motion else {}
+    values, at_z, offset_z = plan.block.values, modal.position[2], plan.system_offset[2] + modal.g92[2]
     if plan.plane != "G17":
         raise Refused(42)
-    if not {"R", "Z"} <= known | here or (plan.motion in ("G73", "G83") and "Q" not in known | here):
+    if not {"R", "Z"} <= cycle.keys() | values.keys():
         raise Refused(28)
-    if plan.motion == "G82" and "P" not in known | here:
-        raise Refused(28)
+    relative = plan.distance == "G91"
+    if "R" in values:
+        cycle["R"] = values["R"] * scale + (at_z if relative else offset_z + modal.tool_length)
+    if "Z" in values:
+        cycle["Z"] = cycle["R"] + values["Z"] * scale if relative else plan.target[2]
+    if cycle["R"] < cycle["Z"]:
+        raise Refused(54)
+    for letter, cycles in (("Q", ("G73", "G83")), ("P", ("G82",))):
+        if letter in values:
+            cycle[letter] = values[letter] * (scale if letter == "Q" else 1.0)
+        elif plan.motion in cycles and letter not in cycle:
+            raise Refused(28)
+    plan.cycle = cycle
     plan.unused -= {"R", "Q", "P", "L"}
 
 
