@@ -78,6 +78,13 @@ class MessageSeen:
     text: str
 
 
+@dataclass(slots=True)  # not frozen: that doubles the time of making one, and there is one for every line of a Grbl
+class MessagesSeen:
+    """Messages for the console that came and went in one go, in their order: direction and text."""
+
+    messages: tuple[tuple[Literal[">", "<"], str], ...]
+
+
 # --- state ----------------------------------------------------------------------------------------------------
 
 
@@ -370,6 +377,7 @@ class CommandFailed:
 Detail = (
     ProtocolFault
     | MessageSeen
+    | MessagesSeen
     | PinsChanged
     | OverridesChanged
     | AccessoriesChanged

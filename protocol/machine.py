@@ -32,6 +32,7 @@ from protocol.events import (
     LinkReady,
     MachineRestarted,
     MessageSeen,
+    MessagesSeen,
     ModalRead,
     OffsetsRead,
     OverridesChanged,
@@ -116,6 +117,7 @@ def _told(state: MachineState, event: Detail) -> MachineState:
         case (
             ProtocolFault()
             | MessageSeen()
+            | MessagesSeen()
             | ProbeReported()
             | Announced()
             | StartupBlockRun()

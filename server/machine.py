@@ -24,6 +24,7 @@ from protocol.events import (
     LinkReady,
     MachineRestarted,
     MessageSeen,
+    MessagesSeen,
     ProbeReported,
     ProgramEnded,
     ProtocolFault,
@@ -260,11 +261,19 @@ class Machine:
             return True
         return self.manual.waiting and self.manual.offer(self._link.engine, self._loop.time())
 
-    def _handle(self, event: Event) -> None:
+    def _handle(self, event: Event) -> bool:
+        """An event of the engine; whether anything may follow from it (link.py)."""
+        if isinstance(event, MessagesSeen):
+            self._seen(*event.messages)
+        elif isinstance(event, MessageSeen):
+            self._seen((event.direction, event.text))
+        else:
+            self._happened(event)
+            return True
+        return False
+
+    def _happened(self, event: Event) -> None:
         match event:
-            case MessageSeen():
-                self._seen(event)
-                return
             case BatchSent() | BatchReceived() | BatchDone():
                 self._acks.handle(event, self._loop.time())
                 if isinstance(event, BatchReceived):  # the others say nothing about the machine
@@ -347,12 +356,15 @@ class Machine:
             "state", self.name, lambda: {**self.state_view(), "link": self.link_status, **self._acks.view()}
         )
 
-    def _seen(self, message: MessageSeen) -> None:
-        if message.direction == "<":
+    def _seen(self, *messages: tuple[str, str]) -> None:
+        at, heard = self._clock.now(), False
+        for direction, text in messages:
+            heard = heard or direction == "<"
+            self._recorder.record(direction, text, at)
+            self._hub.publish("console", self.name, self._recorder.newest)
+        if heard:
             self._last_life_at = now = self._loop.time()
             self.stream.heard(now)
-        self._recorder.record(message, self._clock.now())
-        self._hub.publish("console", self.name, self._recorder.newest)
 
     def _fault(self, fault: ProtocolFault) -> None:
         self.metrics.link_errors[fault.kind] += 1

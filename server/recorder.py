@@ -10,7 +10,6 @@ from itertools import islice
 from typing import Any
 
 from protocol.engine import Frame
-from protocol.events import MessageSeen
 from server.hub import rfc3339
 
 CONSOLE_MESSAGES = 1000
@@ -25,9 +24,9 @@ class Recorder:
     def __init__(self) -> None:
         self._messages: deque[tuple[datetime, str, str]] = deque(maxlen=CONSOLE_MESSAGES)
 
-    def record(self, message: MessageSeen, at: datetime) -> None:
-        """Keep a message."""
-        self._messages.append((at, message.direction, message.text[:MESSAGE_CHARS]))
+    def record(self, direction: str, text: str, at: datetime) -> None:
+        """Keep a message (protocol.events.MessageSeen)."""
+        self._messages.append((at, direction, text[:MESSAGE_CHARS]))
 
     def newest(self) -> dict[str, Any]:
         """The last message. Raises IndexError before there is one."""

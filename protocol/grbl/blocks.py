@@ -13,7 +13,6 @@ from protocol.grbl.lines import Line, Words
 _MOTIONS: Final = frozenset({0.0, 1.0, 2.0, 3.0})
 _HARMLESS: Final = frozenset({17.0, 18.0, 19.0, 20.0, 21.0, 40.0, 61.0, 90.0, 91.0, 91.1, 94.0})
 _LINEAR: Final = "XYZ"
-_AXES: Final = frozenset("XYZABCUVW")
 _STEPS: Final = 2.0
 """Steps that a target must differ by: the controller computes in single precision and rounds."""
 _MM_PER_INCH: Final = 25.4
@@ -24,6 +23,7 @@ class BlockCounter:
 
     def __init__(self) -> None:
         self._steps_per_mm: dict[str, float] = {}
+        self._steps: dict[str, float] = {}  # per unit of the program
         self._motion = False
         self._absolute: bool | None = None
         self._mm: bool | None = None
@@ -33,6 +33,7 @@ class BlockCounter:
         """From `$100` and its neighbours."""
         if axis_number < len(_LINEAR):
             self._steps_per_mm[_LINEAR[axis_number]] = steps_per_mm
+            self._weigh()
 
     def learn_modal(self, words: Iterable[str]) -> None:
         """From `$G`."""
@@ -40,7 +41,8 @@ class BlockCounter:
         groups = set(words)
         self._motion = bool(groups & {"G0", "G1", "G2", "G3"})
         self._absolute = True if "G90" in groups else False if "G91" in groups else None
-        self._mm = True if "G21" in groups else False if "G20" in groups else None
+        if groups & {"G20", "G21"}:
+            self._count_in(mm="G21" in groups)
 
     def forget(self) -> None:
         """Nothing is known any more."""
@@ -54,7 +56,8 @@ class BlockCounter:
             self.forget()
             return False
         if line.move:
-            self._motion = self._motion or words[0][0] == "G"
+            if words[0][0] == "G":
+                self._motion = True
             return self._moved(words)
         gcodes = [value for letter, value in words if letter == "G"]
         if any(letter == "M" and value in (2.0, 30.0, 99.0) for letter, value in words):
@@ -73,25 +76,34 @@ class BlockCounter:
             elif code in (90.0, 91.0):
                 self._absolute = code == 90.0
             elif code in (20.0, 21.0):
-                self._mm = code == 21.0
+                self._count_in(mm=code == 21.0)
             elif code not in _HARMLESS and code != 4.0:
                 self._motion = self._motion and code != 80.0 and not 38.0 <= code < 39.0 and code < 70.0
 
+    def _count_in(self, *, mm: bool) -> None:
+        if self._mm is not mm:
+            scale = 0.0 if self._mm is None else _MM_PER_INCH if self._mm else 1 / _MM_PER_INCH
+            self._last = {letter: value / scale for letter, value in self._last.items()} if scale else {}
+            self._mm = mm
+            self._weigh()
+
+    def _weigh(self) -> None:
+        scale = 1.0 if self._mm else _MM_PER_INCH
+        self._steps = {letter: steps * scale for letter, steps in self._steps_per_mm.items()}
+
     def _moved(self, words: Words) -> bool:
-        last = self._last
+        """Whether one axis goes far enough; `_last` may hold other words too, nobody looks for them."""
+        last, steps = self._last, self._steps
         if self._absolute is None or self._mm is None or not self._motion:
             last.clear()
             return False
+        if not self._absolute:
+            last.clear()
+            return any(abs(value) * steps.get(letter, 0.0) >= _STEPS for letter, value in words)
         moved = False
         for letter, value in words:
-            if letter not in _AXES:
-                continue
-            place_mm = value if self._mm else value * _MM_PER_INCH
-            if not self._absolute:
-                last.pop(letter, None)
-                moved = moved or abs(place_mm) * self._steps_per_mm.get(letter, 0.0) >= _STEPS
-                continue
-            if not moved and letter in last:
-                moved = abs(place_mm - last[letter]) * self._steps_per_mm.get(letter, 0.0) >= _STEPS
-            last[letter] = place_mm
+            if letter in steps and letter in last and abs(value - last[letter]) * steps[letter] >= _STEPS:
+                moved = True
+                break
+        last.update(words)
         return moved

@@ -56,9 +56,8 @@ _OFFSET_NAMES: Final = frozenset(
 )
 
 
-_OK_LINE: Final = b"ok\r\n"
+OK_LINE: Final = b"ok\r\n"
 OK: Final = Heard("ok", Ok())
-_ONE_OK: Final = (OK,)
 
 
 class Decoder:
@@ -70,9 +69,15 @@ class Decoder:
 
     def receive_data(self, data: bytes) -> Iterable[Heard]:
         """The lines that are complete with `data`. Taking them is what reads: exhaust the iterator."""
-        if data == _OK_LINE and not self._buffer and not self._skipping:
-            return _ONE_OK  # most of what is ever said comes so, alone
+        count = len(data) // len(OK_LINE)
+        if data == OK_LINE * count and self.between_lines:
+            return (OK,) * count
         return self._lines(data)
+
+    @property
+    def between_lines(self) -> bool:
+        """What comes next is the beginning of a line."""
+        return not self._buffer and not self._skipping
 
     def _lines(self, data: bytes) -> Iterator[Heard]:
         for piece in data.splitlines(keepends=True):

@@ -42,14 +42,14 @@ from protocol.events import (
     CommandDone,
     CommandFailed,
     Event,
-    MessageSeen,
+    MessagesSeen,
     ProbeReported,
     ProtocolFault,
     StartupBlockRun,
 )
 from protocol.grbl import asking, realtime
 from protocol.grbl.asking import named
-from protocol.grbl.codec import OK, Decoder
+from protocol.grbl.codec import OK, OK_LINE, Decoder
 from protocol.grbl.dialect import Dialect
 from protocol.grbl.errands import Errand
 from protocol.grbl.messages import (
@@ -66,14 +66,14 @@ from protocol.grbl.messages import (
     SettingValue,
     StartupAnswer,
 )
-from protocol.grbl.phases import STEPS, Phase
+from protocol.grbl.phases import CLOSED, READING, READY, STEPS, Phase
 from protocol.grbl.reports import StatusReport, number
 from protocol.grbl.settings import STEPS_PER_MM
 from protocol.grbl.traffic import CHECK_MODE, MAX_BATCHES, MAX_BY_HAND
 from protocol.grbl.watching import Watching
 from protocol.grbl.window import Window
 
-_OK_SEEN: Final = MessageSeen("<", "ok")
+_OK_SEEN: Final = ("<", "ok")
 
 
 class GrblEngine(Watching):
@@ -92,7 +92,7 @@ class GrblEngine(Watching):
             Phase.RESTARTING: self._on_no_restart,
         }
         self._handlers: dict[type, Callable[[Any, float], None]] = {
-            Refusal: lambda said, now: self._on_answer(said.code, said.text, now, refused=True),
+            Refusal: self._on_refusal,
             AlarmRaised: self._on_alarm,
             Banner: self._on_banner,
             StatusReport: self._on_report,
@@ -111,6 +111,9 @@ class GrblEngine(Watching):
     def receive_data(self, data: bytes, now: float) -> None:
         """Any bytes, in any pieces; never raises."""
         self._quiet = False
+        if data == OK_LINE and self._decoder.between_lines:  # most of what is ever said comes so, alone
+            self._on_ok(now)
+            return
         for heard in self._decoder.receive_data(data):
             if self._phase is Phase.CLOSED:
                 return
@@ -123,20 +126,23 @@ class GrblEngine(Watching):
                 self._emit(message)
                 continue
             self._poll.heard(now)
-            self._emit(MessageSeen("<", heard.text))
+            self._seen.append(("<", heard.text))
             self._handle(message, now)
 
     def _on_ok(self, now: float) -> None:
-        """Most of what is ever said."""
+        if self._phase is CLOSED:
+            return
         self._frames.append((now, "<", b"ok"))
         self._poll.quiet_since = now
-        self._events.append(_OK_SEEN)
-        self._on_answer(None, "", now, refused=False)
+        self._seen.append(_OK_SEEN)
+        self._answered(None, "", now, refused=False)
+        if self._phase is READING:
+            self._read_on(now)
 
     def _handle(self, message: Message, now: float) -> None:
         head = self._active.head
-        if head is not None and head.errand.request is not None and STEPS[self._phase].counts:
-            head.errand.request.hear(message)
+        if head is not None and head[0].request is not None and STEPS[self._phase].counts:
+            head[0].request.hear(message)
         handler = self._handlers.get(type(message))
         if handler is not None:
             handler(message, now)
@@ -144,18 +150,21 @@ class GrblEngine(Watching):
     def data_to_send(self, now: float) -> bytes:
         """What is to go out now: the real-time lane, then lines as the window has room. Everything is taken at once:
         there is no more before something comes in, is submitted, or is due."""
-        if self._quiet or self._phase is Phase.CLOSED:
+        if self._quiet or self._phase is CLOSED:
             return b""
         self._quiet = True
         return self._write(now)
 
     def next_event(self) -> Event | None:
-        """What happened, oldest first."""
+        """What happened, oldest first; what was said before what follows from it."""
+        if self._seen:
+            seen, self._seen = tuple(self._seen), []
+            return MessagesSeen(seen)
         return self._events.popleft() if self._events else None
 
     def next_timer(self) -> float | None:
         """The earliest deadline."""
-        if self._phase is Phase.READY and not self._due:
+        if self._phase is READY and not self._due:
             return self._poll.next_at
         due = list(self._due.values())
         if STEPS[self._phase].polls:
@@ -181,7 +190,7 @@ class GrblEngine(Watching):
 
     def free(self) -> int:
         """How many commands it can take. In alarm only what clears it makes sense; a batch fails then."""
-        if self._phase is not Phase.READY or self._cancels or len(self._hand) >= MAX_BY_HAND:
+        if self._phase is not READY or self._cancels or len(self._hand) >= MAX_BY_HAND:
             return 0
         return MAX_BATCHES - len(self._batches)
 
@@ -339,8 +348,8 @@ class GrblEngine(Watching):
 
     # --- what the controller says -------------------------------------------------------------------------------
 
-    def _on_answer(self, code: int | None, text: str, now: float, *, refused: bool) -> None:
-        self._answered(code, text, now, refused=refused)
+    def _on_refusal(self, refusal: Refusal, now: float) -> None:
+        self._answered(refusal.code, refusal.text, now, refused=True)
         if self._phase is Phase.READING:
             self._read_on(now)
 
@@ -367,5 +376,5 @@ class GrblEngine(Watching):
     def _on_probe(self, probe: ProbeResult, _: float) -> None:
         """`[PRB:]` is a row of `$#` too: there it is no news."""
         head = self._active.head
-        if head is None or head.errand.request is None:
+        if head is None or head[0].request is None:
             self._emit(ProbeReported(named(probe.position, self._axes), probe.succeeded))

@@ -6,7 +6,7 @@ The one rule: a line counts as executed only by a proof of this file, and in ord
 
 from collections import deque
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TypeAlias
 
 from protocol.commands import SendBatch
 from protocol.grbl.asking import Request
@@ -36,11 +36,9 @@ class Errand:
         return not self.failed and self.sent < len(self.lines)
 
 
-class _Acknowledged(NamedTuple):
-    errand: Errand
-    number: int
-    inert: bool
-    blocks: int  # certain blocks planned up to this line, it included
+_Acknowledged: TypeAlias = tuple[Errand, int, bool, int]
+"""Errand; number; whether it is inert; certain blocks planned up to this line, it included. A bare tuple, for there is
+one for every line."""
 
 
 @dataclass(slots=True)
@@ -56,41 +54,40 @@ class Executed:
         """Everything that was acknowledged is executed."""
         return not self._open
 
-    def acknowledged(self, errand: Errand, *, inert: bool, certain: bool) -> list[Errand]:
-        """One more line was answered. `inert`: it moves nothing (or was refused); `certain`: it has made a block."""
-        self.count += 1
-        self.blocks += certain
-        self._open.append(_Acknowledged(errand, self.count, inert, self.blocks))
-        return self._take(0) if self._open[0].inert else []
+    def acknowledged(
+        self, errand: Errand, *, inert: bool, certain: bool, rests: bool = False, planner: int | None = None
+    ) -> list[Errand]:
+        """One more line was answered. `inert`: it moves nothing (or was refused); `certain`: it has made a block;
+        `rests`: its answer proves that everything is executed. `planner`: the most blocks that it holds, if known."""
+        self.count = number = self.count + 1
+        self.blocks = blocks = self.blocks + certain
+        self._open.append((errand, number, inert, blocks))
+        return self._take(number if rests else 0, -1 if planner is None else blocks - planner - SEGMENTS_AHEAD)
 
     def at_rest(self, number: int) -> list[Errand]:
         """The machine stood with an empty planner after line `number` was acknowledged."""
-        return self._take(number)
+        return self._take(number, -1)
 
     def in_planner(self, blocks: int) -> list[Errand]:
         """No more than so many blocks are in the planner: what lies further back than these, and than the segments that
         are prepared already, is executed."""
-        left = self.blocks - blocks - SEGMENTS_AHEAD  # of certain blocks, so many have been executed
-        waiting = self._open
-        if not waiting or waiting[0].blocks > left:
-            return []
-        number = 0
-        for line in waiting:
-            if line.blocks > left:
-                break
-            number = line.number
-        return self._take(number)
+        return self._take(0, self.blocks - blocks - SEGMENTS_AHEAD)
 
     def clear(self) -> None:
         """What is open now will never be known."""
         self._open.clear()
 
-    def _take(self, number: int) -> list[Errand]:
-        """Everything up to `number` is executed, and the inert lines right behind it; the errands they are of."""
-        touched: list[Errand] = []
-        while self._open and (self._open[0].number <= number or self._open[0].inert):
-            errand = self._open.popleft().errand
-            errand.done += 1
-            if not touched or touched[-1] is not errand:
-                touched.append(errand)
-        return touched
+    def _take(self, number: int, blocks: int) -> list[Errand]:
+        """Every line up to `number` is executed, and every one with no more than `blocks` certain blocks up to it, and
+        the inert lines right behind; the errands that have come to their end with that."""
+        ended: list[Errand] = []
+        waiting = self._open
+        while waiting:
+            errand, line, inert, planned = waiting[0]
+            if line > number and planned > blocks and not inert:
+                break
+            waiting.popleft()
+            errand.done = done = errand.done + 1
+            if done == len(errand.lines):
+                ended.append(errand)
+        return ended

@@ -16,16 +16,14 @@ MAX_WAITING: Final = 64
 class Lane:
     """Bytes to go, with the tokens of those who want to know that they went."""
 
+    idle: bool = True
+    """Nothing waits to go out, and nobody to be told."""
     _bytes: bytearray = field(default_factory=bytearray)
     _tokens: list[int] = field(default_factory=list)
 
-    @property
-    def empty(self) -> bool:
-        """Nothing waits to go out, and nobody to be told."""
-        return not self._bytes and not self._tokens
-
     def put(self, byte: bytes, token: int | None = None) -> None:
         """Queue a byte. `?` waits once at most; a soft reset drops what stands before it."""
+        self.idle = False
         if byte == SOFT_RESET:
             self._bytes.clear()
         if not (byte == STATUS and STATUS in self._bytes) and len(self._bytes) < MAX_WAITING:
@@ -38,4 +36,5 @@ class Lane:
         data, tokens = bytes(self._bytes), self._tokens
         self._bytes.clear()
         self._tokens = []
+        self.idle = True
         return data, tokens

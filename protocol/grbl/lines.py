@@ -5,21 +5,21 @@ verified. The one rule: a line that could press a real-time key, or be two lines
 """
 
 import re
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
 
 from protocol.errors import LocalError, MessageTooLongError
 from protocol.grbl.realtime import acts_anywhere
 
-_NUMBER: Final = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+_NUMBER: Final = r"[-+]?+(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)"
 WORD: Final = re.compile(rf"([A-Z])({_NUMBER})")
 _PROGRAM: Final = re.compile(rf"/?(?:[A-Z]{_NUMBER})+")
 
 # What nearly all lines of a program are: a motion and where it goes. These are read by the quickest way there is.
-_MOVE_CHARS: Final = re.compile(r"[XYZGIJKR][-+.0-9XYZFIJKR]+")
+_MOVE: Final = rf"(?:G0?[0-3])?(?:F{_NUMBER})?[XYZIJKR]{_NUMBER}(?:[XYZFIJKR]{_NUMBER})*+"
+_MOVES: Final = re.compile(rf"{_MOVE}(?:\n{_MOVE})*+")
 _BLANK_LETTERS: Final = bytes.maketrans(b"XYZFGIJKR", b"         ")
 _NUMBER_CHARS: Final = b"-+.0123456789"
-_MOTIONS: Final = frozenset({0.0, 1.0, 2.0, 3.0})
 
 # grbl II.4: interrupts are off while the EEPROM is written, and incoming bytes may be lost.
 _EEPROM_GCODES: Final = frozenset({10.0, 28.1, 30.1})
@@ -39,9 +39,8 @@ Words = list[tuple[str, float]]
 """Letters and numbers, in order."""
 
 
-@dataclass(slots=True)
-class Line:
-    """Never changed. `alone`: nothing else may be in the controller while it is there. `syncs`: its ok proves that
+class Line(NamedTuple):
+    """`alone`: nothing else may be in the controller while it is there. `syncs`: its ok proves that
     everything up to it is executed. `inert`: it makes no motion. `dwell_s`: so long it may stay without an answer in
     Idle. `words`: None where it is no plain G-code. `move`: it has the words of a motion G0-G3 and F, no others."""
 
@@ -56,6 +55,10 @@ class Line:
     tool: int | None = None
 
 
+_MAKE: Final = tuple.__new__
+"""Makes a Line without the function that a NamedTuple has for it: there is one for every line."""
+
+
 def words_of(text: str) -> Words | None:
     """Letters and numbers, or None where the line holds anything else ($, expressions, O-words' brackets)."""
     if not _PROGRAM.fullmatch(text):
@@ -63,30 +66,31 @@ def words_of(text: str) -> Words | None:
     return [(letter, float(value)) for letter, value in WORD.findall(text)]
 
 
-def _move(text: str) -> Words | None:
-    """The words of a line that has one or none of G0-G3, a word of a place, and perhaps F; None for every other."""
-    if not _MOVE_CHARS.fullmatch(text):
-        return None
-    data = text.encode("ascii")
-    letters = data.translate(None, _NUMBER_CHARS)
-    try:
-        values = [*map(float, data.translate(_BLANK_LETTERS).split())]
-    except ValueError:
-        return None  # read in full it says what is wrong
-    mode = letters[0] == 0x47  # G
+def read_lines(texts: Sequence[str], line_chars: int) -> tuple[Line, ...]:
+    """Classify lines. Raises LocalError for one that must never be sent, MessageTooLongError for one too long."""
+    together = "\n".join(texts)
     if (
-        len(values) != len(letters)
-        or len(letters) == mode + letters.count(b"F")
-        or (mode and values[0] not in _MOTIONS)
+        _MOVES.fullmatch(together)
+        and max(map(len, texts)) <= line_chars
+        and together.count("\n") < len(texts)  # none of them is two
     ):
-        return None
-    return [*zip(letters.decode("ascii"), values, strict=True)]
+        return tuple(_moves(together.encode("ascii")))
+    return tuple([read_line(text, line_chars) for text in texts])
+
+
+def _moves(data: bytes) -> Iterator[Line]:
+    """Lines that have one or none of G0-G3, a word of a place, and perhaps F: the quickest way, for nearly all are."""
+    values = map(float, data.translate(_BLANK_LETTERS).split())
+    texts, letters = data.decode("ascii").split("\n"), data.translate(None, _NUMBER_CHARS).decode("ascii").split("\n")
+    for text, line, named in zip(texts, data.split(b"\n"), letters, strict=True):
+        words = [*zip(named, values)]  # noqa: B905 - as many values as there are letters
+        yield _MAKE(Line, (text, line + b"\n", words, True, False, False, False, 0.0, None))
 
 
 def read_line(text: str, line_chars: int) -> Line:
     """Classify a line. Raises LocalError for one that must never be sent, MessageTooLongError for one too long."""
-    if len(text) <= line_chars and (move := _move(text)) is not None:
-        return Line(text, text.encode("ascii") + b"\n", move, move=True)
+    if len(text) <= line_chars and _MOVES.fullmatch(text) and "\n" not in text:
+        return next(_moves(text.encode("ascii")))
     wrong = next((c for c in text if ord(c) > 0xFF or acts_anywhere(ord(c))), None)
     if wrong is not None:
         raise LocalError(f"a line may not hold {wrong!r}: the controller would act on it or break the line")

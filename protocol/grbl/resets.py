@@ -249,7 +249,7 @@ class Resets(Traffic):
             errand.failed = True
             touched = errand.sent
             if parked:
-                touched = errand.answered + (head is not None and head.errand is errand)
+                touched = errand.answered + (head is not None and head[0] is errand)
             self._emit(BatchFailed(errand.batch.id, reason, code, message, errand.done, touched))
         self._batches.clear()
         self._executed.clear()

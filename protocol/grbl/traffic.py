@@ -7,7 +7,8 @@ line without one.
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal
 
 from protocol.commands import CheckMode
 from protocol.events import (
@@ -19,7 +20,6 @@ from protocol.events import (
     CommandFailed,
     Event,
     LineRefused,
-    MessageSeen,
     ProtocolFault,
     StateReported,
     Status,
@@ -30,9 +30,9 @@ from protocol.grbl.blocks import BlockCounter
 from protocol.grbl.dialect import Dialect
 from protocol.grbl.errands import Errand, Executed
 from protocol.grbl.lane import Lane
-from protocol.grbl.lines import Line, read_line
+from protocol.grbl.lines import Line, read_lines
 from protocol.grbl.messages import Flavour
-from protocol.grbl.phases import STEPS, Phase
+from protocol.grbl.phases import READING, READY, STEPS, Phase
 from protocol.grbl.polling import Poll
 from protocol.grbl.realtime import CYCLE_START, FEED_HOLD, SOFT_RESET, STATUS
 from protocol.grbl.window import Entry, Window
@@ -81,6 +81,7 @@ class Traffic(ABC):
         self._phase = Phase.CLOSED
         self._next_id = first_id
         self._events: deque[Event] = deque()
+        self._seen: list[tuple[Literal[">", "<"], str]] = []  # for the console, not handed over yet
         self._frames: deque[tuple[float, str, bytes]] = deque(maxlen=RECORDED_FRAMES)
         self._due: dict[str, float] = {}
         self._lane = Lane()
@@ -142,7 +143,7 @@ class Traffic(ABC):
             self._left_tool_at = self._poll.asked
         if self._by_hand is not None:
             for entry in self._by_hand.entries:
-                self._drop(entry.errand, "the program went on before it was answered")
+                self._drop(entry[0], "the program went on before it was answered")
             self._by_hand = None
 
     def _drop(self, errand: Errand, why: str) -> None:
@@ -157,11 +158,10 @@ class Traffic(ABC):
 
     def _write(self, now: float) -> bytes:
         """The real-time lane, then as many lines as may go. Nothing behind a soft reset: it would be lost."""
-        out = b"" if self._lane.empty else self._take_lane(now)
+        out = b"" if self._lane.idle else self._take_lane(now)
         if SOFT_RESET not in out:
-            window = self._active
-            while (errand := self._next_errand()) is not None and window.takes(errand.lines[errand.sent]):
-                out += self._launch(errand, window, now)
+            while (errand := self._next_errand()) is not None and (data := self._launch(errand, now)):
+                out += data
                 if errand.batch is not None and errand.sent < len(errand.lines):
                     break  # the window is full
         if out:
@@ -176,38 +176,34 @@ class Traffic(ABC):
             self._poll.sent(now, self._executed.count if self._window.empty else None)
         for byte in urgent:
             if byte != STATUS[0]:
-                self._emit(MessageSeen(">", chr(byte) if 0x20 < byte < 0x7F else f"0x{byte:02X}"))
+                self._seen.append((">", chr(byte) if 0x20 < byte < 0x7F else f"0x{byte:02X}"))
         return urgent
 
-    def _launch(self, errand: Errand, window: Window, now: float) -> bytes:
-        """The next line of an errand; of a batch as many as there is room for. There is room for one."""
+    def _launch(self, errand: Errand, now: float) -> bytes:
+        """The next line of an errand, of a batch as many as there is room for; nothing where there is none."""
+        window = self._window if self._by_hand is None else self._by_hand
+        first, batch = errand.sent, errand.batch
+        data = b""
+        for line in window.fill(errand, first + 1 if batch is None else len(errand.lines)):
+            if line.tool is not None:
+                self._tool = line.tool
+            self._seen.append((">", line.text))
+            data += line.data
+        if not data:
+            return data
         self._progress_at = now
-        if errand.request is not None:
-            self._jogging |= errand.request.jog
-            if errand.request.homing:  # while it homes it says nothing of itself (II.2)
+        if batch is not None and not first:
+            self._emit(BatchSent(batch.id, 1))
+        elif (asked := errand.request) is not None:
+            self._jogging |= asked.jog
+            if asked.homing:  # while it homes it says nothing of itself (II.2)
                 self._status = "home"
                 self._emit(StateReported("home", {}, frame="machine"))
-        if errand.batch is None:
-            return self._put(errand, window)
-        if errand.sent == 0:
-            self._emit(BatchSent(errand.batch.id, 1))
-        data, lines = b"", errand.lines
-        while errand.sent < len(lines) and window.takes(lines[errand.sent]):
-            data += self._put(errand, window)
         return data
-
-    def _put(self, errand: Errand, window: Window) -> bytes:
-        line = errand.lines[errand.sent]
-        window.put(Entry(errand, errand.sent, line))
-        errand.sent += 1
-        if line.tool is not None:
-            self._tool = line.tool
-        self._events.append(MessageSeen(">", line.text))
-        return line.data
 
     def _next_errand(self) -> Errand | None:
         """Whose line goes out next, when there is room for it."""
-        if (self._phase is not Phase.READY and self._phase is not Phase.READING) or self._pendant:
+        if (self._phase is not READY and self._phase is not READING) or self._pendant:
             return None  # gate "pendant"
         if self._hand and (errand := _first_waiting(self._hand)) is not None:
             return errand if self._hand_may_go(errand) else None  # gate "by hand"
@@ -244,18 +240,20 @@ class Traffic(ABC):
 
     def _answered(self, code: int | None, text: str, now: float, *, refused: bool) -> None:
         """An ok or an error: the oldest line without an answer has it."""
-        if self._phase is not Phase.READY and not STEPS[self._phase].counts:
+        phase = self._phase
+        reading = phase is READING
+        if phase is not READY and not STEPS[phase].counts:
             return  # grbl II.3: a reset is under way, or lines of the epoch before are being answered
-        window = self._active
-        entry = window.head
+        window = self._window if self._by_hand is None else self._by_hand
+        if reading and not refused and self._unanswered(window.head):
+            return  # the ok of a line from before this epoch; our question is not answered before its rows came
+        entry = window.answer()
         if entry is None:
             self._emit(ProtocolFault("unasked_answer", f"error:{code}" if refused else "ok without a line"))
             return
-        errand, asked = entry.errand, entry.errand.request
-        if self._phase is Phase.READING and not refused and asked is not None and not asked.complete:
-            return  # the ok of a line from before this epoch; our question is not answered before its rows came
-        window.answer()
         self._progress_at = now
+        errand = entry[0]
+        asked = errand.request
         errand.answered += 1
         if errand.failed:
             return
@@ -263,6 +261,11 @@ class Traffic(ABC):
             self._request_answered(errand, asked, code, text, now, refused=refused)
         else:
             self._block_answered(entry, code, text, now, refused=refused)
+
+    def _unanswered(self, entry: Entry | None) -> bool:
+        """It is a question of which no row has come."""
+        asked = None if entry is None else entry[0].request
+        return asked is not None and not asked.complete
 
     def _request_answered(
         self, errand: Errand, asked: Request, code: int | None, text: str, now: float, *, refused: bool
@@ -290,35 +293,33 @@ class Traffic(ABC):
             self._emit(event)
 
     def _block_answered(self, entry: Entry, code: int | None, text: str, now: float, *, refused: bool) -> None:
-        errand, line = entry.errand, entry.line
+        errand, _, line = entry
         certain = not refused and self._blocks.certain(line)
-        touched = self._executed.acknowledged(errand, inert=refused or line.inert, certain=certain)
-        if (line.syncs and not refused) or self._status == "check":
-            touched += self._executed.at_rest(self._executed.count)
-        elif self._planner_blocks is not None:
-            touched += self._executed.in_planner(self._planner_blocks)
+        rests = (line.syncs and not refused) or self._status == "check"
+        ended = self._executed.acknowledged(
+            errand, inert=refused or line.inert, certain=certain, rests=rests, planner=self._planner_blocks
+        )
         if errand.batch is not None and errand.answered == len(errand.lines):
             self._emit(BatchReceived(errand.batch.id, begins=False))
         if refused:
             self._refuse(entry, code, text, now)
-        if touched:
-            self._settle(touched)
+        if ended:
+            self._settle(ended)
 
     def _refuse(self, entry: Entry, code: int | None, text: str, now: float) -> None:
         """grbl II.4: the controller goes on executing what is already in its buffer."""
-        errand, batch = entry.errand, entry.errand.batch
+        errand, index, line = entry
+        batch = errand.batch
         message = codes.error(code, text)
         if batch is None:
             errand.failed = True
             self._hand.remove(errand)
-            self._fail(errand.token, code, f"block {entry.index + 1}, {entry.line.text}: {message}")
+            self._fail(errand.token, code, f"block {index + 1}, {line.text}: {message}")
             return
         ignored = batch.on_error == "ignore" and (not batch.ignored_errors or code in batch.ignored_errors)
         action = "ignored" if ignored else "stopped" if batch.on_error == "stop" else "held"
-        inside = tuple(
-            (other.errand.batch.id, other.index) for other in self._window.entries if other.errand.batch is not None
-        )
-        refused = LineRefused(batch.id, entry.index, entry.line.text, code, message, action, inside)  # type: ignore[arg-type]
+        inside = tuple([(other.batch.id, at) for other, at, _ in self._window.entries if other.batch is not None])
+        refused = LineRefused(batch.id, index, line.text, code, message, action, inside)  # type: ignore[arg-type]
         self._emit(refused)
         if action == "held":
             self._hold()
@@ -326,10 +327,10 @@ class Traffic(ABC):
         elif action == "stopped":
             self._stop_for(refused, now)
 
-    def _settle(self, touched: Iterable[Errand]) -> None:
-        """Errands of which more lines are known to be executed."""
-        for errand in touched:
-            if errand.done < len(errand.lines) or errand.failed:
+    def _settle(self, ended: Iterable[Errand]) -> None:
+        """Errands of which the last line is known to be executed."""
+        for errand in ended:
+            if errand.failed:
                 continue
             if errand.batch is not None and errand in self._batches:
                 self._batches.remove(errand)
@@ -339,5 +340,5 @@ class Traffic(ABC):
                 assert errand.token is not None
                 self._emit(CommandDone(errand.token))
 
-    def _lines(self, texts: Iterable[str]) -> tuple[Line, ...]:
-        return tuple(read_line(text, self._dialect.line_chars) for text in texts)
+    def _lines(self, texts: Sequence[str]) -> tuple[Line, ...]:
+        return read_lines(texts, self._dialect.line_chars)

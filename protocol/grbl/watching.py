@@ -207,7 +207,7 @@ class Watching(Resets):
         """II.7: unanswered jogs in the buffer run after the cancel, as new ones: cancel again while Jog persists."""
         if not self._cancels or self._poll.asked <= self._cancelled_at:
             return
-        inside = any(entry.errand.request is not None and entry.errand.request.jog for entry in self._active.entries)
+        inside = any(errand.request is not None and errand.request.jog for errand, _, _ in self._active.entries)
         if report.status == "jog":
             self._lane.put(JOG_CANCEL)
         elif not inside:
@@ -249,7 +249,7 @@ class Watching(Resets):
         if head is None or waits or not standing or self._phase is not Phase.READY:
             self._progress_at = now
             return
-        if now - self._progress_at > self._dialect.answer_timeout_s + head.line.dwell_s:
+        if now - self._progress_at > self._dialect.answer_timeout_s + head[2].dwell_s:
             self._on_lost_answer(now)
 
     # --- silence ------------------------------------------------------------------------------------------------
@@ -261,7 +261,7 @@ class Watching(Resets):
             STEPS[self._phase].silence == "tolerated"
             or self._status == "home"
             or self._pendant
-            or (head is not None and head.errand.request is not None and head.errand.request.homing)
+            or (head is not None and head[0].request is not None and head[0].request.homing)
         )
         if tolerated:
             self._poll.heard(now)

@@ -6,19 +6,14 @@ drops bytes without a word (II.1).
 
 from collections import deque
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from protocol.grbl.dialect import SAFE_RX_BYTES
 from protocol.grbl.errands import Errand
 from protocol.grbl.lines import Line
 
-
-@dataclass(slots=True)
-class Entry:
-    """A line on its way: number `index` of its errand. Never changed."""
-
-    errand: Errand
-    index: int
-    line: Line
+Entry: TypeAlias = tuple[Errand, int, Line]
+"""A line on its way: it is number `index` of its errand. A bare tuple, for there is one for every line."""
 
 
 @dataclass(slots=True)
@@ -36,19 +31,24 @@ class Window:
             return True
         if self._used_bytes + len(line.data) > self.capacity:
             return False
-        return not (self.one_by_one or line.alone or self._entries[-1].line.alone)
+        return not (self.one_by_one or line.alone or self._entries[-1][2].alone)
 
-    def put(self, entry: Entry) -> None:
-        """The line goes out."""
-        self._entries.append(entry)
-        self._used_bytes += len(entry.line.data)
+    def fill(self, errand: Errand, end: int) -> tuple[Line, ...]:
+        """As many of the errand's lines go out, up to number `end`, as there is room for now."""
+        lines, start, index = errand.lines, errand.sent, errand.sent
+        while index < end and self.takes(line := lines[index]):
+            self._entries.append((errand, index, line))
+            self._used_bytes += len(line.data)
+            index += 1
+        errand.sent = index
+        return lines[start:index]
 
     def answer(self) -> Entry | None:
         """The oldest line has its answer; None: there is none."""
         if not self._entries:
             return None
         entry = self._entries.popleft()
-        self._used_bytes -= len(entry.line.data)
+        self._used_bytes -= len(entry[2].data)
         return entry
 
     @property

@@ -19,7 +19,7 @@ from protocol.events import (
     FateInDoubt,
     LinkLost,
     LinkReady,
-    MessageSeen,
+    MessagesSeen,
 )
 from protocol.grbl.dialect import Dialect
 from protocol.grbl.engine import GrblEngine
@@ -167,7 +167,8 @@ class GrblPair:
         return self.run(30.0, until=lambda pair: bool(pair.of("LinkReady")))
 
     def console(self) -> list[str]:
-        return [f"{at:8.3f} {e.direction} {e.text}" for at, e in self.events if isinstance(e, MessageSeen)]
+        seen = [(at, message) for at, e in self.events if isinstance(e, MessagesSeen) for message in e.messages]
+        return [f"{at:8.3f} {direction} {text}" for at, (direction, text) in seen]
 
     @property
     def lost_bytes(self) -> list[BytesLost]:

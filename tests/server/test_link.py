@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from protocol.commands import EmergencyStop, ListFiles
-from protocol.events import Event, LinkReady, ProgramEnded
+from protocol.events import Event, LinkReady, MessageSeen, ProgramEnded
 from server.link import Link
 from tests.harness.fakes import ScriptedEngine
 from tests.harness.simloop import run_simulated
@@ -18,6 +18,7 @@ class Bench:
         self.engine = ScriptedEngine()
         self.written: list[bytes] = []
         self.events: list[Event] = []
+        self.follows = True
         self.on_event: Callable[[Event], None] = lambda _event: None
         self.offers: list[Callable[[], None]] = []
         self.link = Link(
@@ -28,9 +29,10 @@ class Bench:
             asyncio.get_running_loop(),
         )
 
-    def _event(self, event: Event) -> None:
+    def _event(self, event: Event) -> bool:
         self.events.append(event)
         self.on_event(event)
+        return self.follows
 
     def _quiet(self) -> bool:
         if not self.offers:
@@ -186,5 +188,34 @@ def test_a_link_that_is_closed_by_an_event_stops_at_once() -> None:
         bench.on_event = lambda _event: bench.link.close()
         bench.link.pump()
         assert bench.events == [LinkReady()]
+
+    run_simulated(main())
+
+
+def test_nobody_is_asked_where_nothing_follows_from_what_was_heard() -> None:
+    async def main() -> None:
+        bench = Bench()
+        bench.link.pump()
+        asked: list[bool] = []
+        bench.offers.append(lambda: asked.append(True))
+        bench.follows = False
+        bench.engine.events.append(MessageSeen("<", "ok"))
+        bench.link.receive(b"ok")
+        assert (bench.events, asked) == ([MessageSeen("<", "ok")], []), "it was told, and nothing follows from it"
+        bench.engine.next_id += 1
+        bench.link.receive(b"ok")
+        assert asked == [True], "what the engine takes has changed without an event"
+
+    run_simulated(main())
+
+
+def test_an_offer_is_made_where_something_follows_and_what_comes_of_it_is_written() -> None:
+    async def main() -> None:
+        bench = Bench()
+        bench.link.pump()
+        bench.offers.append(lambda: bench.engine.submit(ListFiles(1), 0.0))
+        bench.engine.events.append(LinkReady())
+        bench.link.receive(b"ok")
+        assert (bench.offers, bench.written) == ([], [b"command;"])
 
     run_simulated(main())

@@ -71,7 +71,7 @@ def test_the_realtime_lane_waits_for_nobody_and_is_answered() -> None:
         loop = asyncio.get_running_loop()
         manual, engine = Manual("router", loop), ScriptedEngine()
         written: list[bytes] = []
-        link = Link(engine, written.append, manual.handle, lambda: False, loop)  # type: ignore[arg-type]
+        link = Link(engine, written.append, lambda _event: True, lambda: False, loop)  # type: ignore[arg-type]
         engine.is_free = False
         waits = manual.put(ClearAlarm)
         pressed = manual.press(link, lambda token: Override(token, "feed", "+10"))

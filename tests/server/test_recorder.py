@@ -3,7 +3,6 @@
 from datetime import UTC, datetime, timedelta
 
 from protocol.engine import Frame
-from protocol.events import MessageSeen
 from server.recorder import CONSOLE_MESSAGES, DUMPED_FRAMES, MESSAGE_CHARS, Recorder, dump
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -12,7 +11,7 @@ NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 def test_the_last_messages_oldest_first() -> None:
     recorder = Recorder()
     for number in range(5):
-        recorder.record(MessageSeen("<", f"OK,ID<#{number};"), NOON + timedelta(seconds=number))
+        recorder.record("<", f"OK,ID<#{number};", NOON + timedelta(seconds=number))
     assert [entry["text"] for entry in recorder.console(2)] == ["OK,ID<#3;", "OK,ID<#4;"]
     newest = {"at": "2026-03-01T12:00:04.000Z", "direction": "<", "text": "OK,ID<#4;"}
     assert recorder.console(1) == [newest]
@@ -24,7 +23,7 @@ def test_the_last_messages_oldest_first() -> None:
 def test_it_is_bounded_in_messages_and_in_characters() -> None:
     recorder = Recorder()
     for _ in range(CONSOLE_MESSAGES + 10):
-        recorder.record(MessageSeen(">", "x" * 10_000), NOON)
+        recorder.record(">", "x" * 10_000, NOON)
     console = recorder.console(CONSOLE_MESSAGES * 2)
     assert len(console) == CONSOLE_MESSAGES
     assert {len(entry["text"]) for entry in console} == {MESSAGE_CHARS}

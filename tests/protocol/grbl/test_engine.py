@@ -56,7 +56,7 @@ from protocol.events import (
     LinkLost,
     LinkReady,
     MachineRestarted,
-    MessageSeen,
+    MessagesSeen,
     OffsetsRead,
     OverridesChanged,
     PendantChanged,
@@ -1003,5 +1003,5 @@ class TestAnything:
 
     def test_what_was_said_is_kept_and_shown(self) -> None:
         scene = ready()
-        assert {message.direction for message in scene.take(MessageSeen)} == {"<", ">"}
+        assert {direction for seen in scene.take(MessagesSeen) for direction, _ in seen.messages} == {"<", ">"}
         assert any(b"[OPT" in frame.data for frame in scene.engine.recent_frames())

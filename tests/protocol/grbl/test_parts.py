@@ -39,7 +39,7 @@ from protocol.grbl.errands import SEGMENTS_AHEAD, Errand, Executed
 from protocol.grbl.lane import MAX_WAITING, Lane
 from protocol.grbl.lines import read_line
 from protocol.grbl.polling import REPEAT_S, Poll
-from protocol.grbl.window import Entry, Window
+from protocol.grbl.window import Window
 
 
 def errand(*texts: str) -> Errand:
@@ -47,27 +47,24 @@ def errand(*texts: str) -> Errand:
 
 
 class TestWindow:
-    def entry(self, text: str) -> Entry:
-        return Entry(errand(text), 0, read_line(text, 79))
-
     def test_bytes_are_counted_with_their_line_end(self) -> None:
         window = Window(10)
-        window.put(self.entry("G1X1"))
+        assert window.fill(errand("G1X1"), 1)
         assert window.used_bytes == 5
         assert window.takes(read_line("G1X2", 79))
         assert not window.takes(read_line("G1X22", 79))
 
     def test_what_travels_alone_waits_for_an_empty_buffer_and_keeps_it(self) -> None:
         window = Window()
-        window.put(self.entry("G1X1"))
+        assert window.fill(errand("G1X1"), 1)
         assert not window.takes(read_line("G10L2P1X0", 79))
         assert window.answer() is not None
-        window.put(self.entry("G10L2P1X0"))
+        assert window.fill(errand("G10L2P1X0"), 1)
         assert not window.takes(read_line("G1X1", 79))
 
     def test_line_by_line(self) -> None:
         window = Window(one_by_one=True)
-        window.put(self.entry("G1X1"))
+        assert window.fill(errand("G1X1"), 1)
         assert not window.takes(read_line("G1X2", 79))
 
     def test_no_answer_without_a_line(self) -> None:
@@ -83,7 +80,7 @@ class TestWindow:
                 assert (window.answer() is None) == (not ring)
                 ring = ring[1:]
             elif window.takes(line := read_line("X" * step, 79)):
-                window.put(Entry(errand("X"), 0, line))
+                assert window.fill(errand(line.text), 1) == (line,)
                 ring.append(step + 1)
             assert sum(ring) == window.used_bytes <= capacity
 

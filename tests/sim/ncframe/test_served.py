@@ -25,10 +25,11 @@ async def story(query: str) -> tuple[list[Event], list[str]]:
     over = asyncio.Event()
     sent = 0
 
-    def on_event(event: Event) -> None:
+    def on_event(event: Event) -> bool:
         events.append(event)
         if sum(isinstance(each, BatchDone) for each in events) == BATCHES:
             over.set()
+        return True
 
     def on_quiet() -> bool:
         nonlocal sent
