@@ -25,9 +25,6 @@ SHORTEST_RUN = 12
 FIRST_WINDOW = 512
 """Rows that are tried at first; where runs are short, looking far ahead again and again would cost."""
 
-COUNTABLE_MODES = (93, 94)
-"""Feed modes that a run may have: G95 needs the spindle's speed."""
-
 
 class Follower(Protocol):
     """Goes through the rows in the same steps: what it says of a row may hang on those before."""
@@ -137,8 +134,7 @@ class Reading:
 
     def _can_run(self) -> bool:
         state = self.state
-        unusual = self._interpreter.compensating or state.compensation != 40 or state.diameter_mode
-        return state.absolute is not None and state.feed_mode in COUNTABLE_MODES and not unusual
+        return state.absolute is not None and not self._interpreter.compensating and state.compensation == 40
 
     # --- modal codes that change nothing --------------------------------------------------------------------------
 

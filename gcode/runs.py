@@ -53,6 +53,13 @@ class Run:
         """The first row that is not part of the run."""
         return self._begin + self._count
 
+    def _lengths(self, axis: str) -> Floats:
+        """The words of an axis in mm; X of a diameter is half of it."""
+        state, values = self._state, self._values(axis)
+        if state.inches and axis not in ROTARY_AXES:
+            values = values * MM_PER_INCH
+        return values / 2 if state.diameter_mode and axis == "X" else values
+
     def _cut(self, end: int) -> None:
         self._count = end - self._begin
         self._kind = self._kinds()
@@ -111,7 +118,7 @@ class Run:
         moving = np.flatnonzero(self._has_axes)
         start, end = self._positions(moving)
         feed, dry = self._feeds(), self._runs_dry(context)
-        spindle = self._speeds()
+        speed = self._speeds()
         if self._blocks.motion[self._begin : self.end].any():
             state.motion = _EFFECTS[int(self._kind[-1])]
             state.motion_name = f"G{MOTIONS[state.motion]}"
@@ -121,8 +128,10 @@ class Run:
             return None
         kind = self._kind[moving]
         found = self._segments(context, moving, kind, start, end)
-        found.feed, found.spindle = feed[moving], spindle[moving]
+        found.feed, found.spindle = feed[moving], speed[moving] * float(state.spindle or 0)
         found.sync = self._syncs(dry, moving)
+        if state.feed_mode == 95:
+            found.feed = found.feed * np.abs(speed[moving])
         if state.feed_mode == 93:
             modal = nan if state.feed is None else state.feed
             found.feed = np.where(kind == RAPID, modal, found.feed * found.lengths())
@@ -138,9 +147,7 @@ class Run:
             if axis not in self._axes:
                 end[row] = at
                 continue
-            has, values = self._has(axis)[moving], self._values(axis)[moving]
-            if state.inches and axis not in ROTARY_AXES:
-                values = values * MM_PER_INCH
+            has, values = self._has(axis)[moving], self._lengths(axis)[moving]
             if state.absolute:
                 if state.frame[row]:
                     values = values + state.frame[row]
@@ -165,11 +172,12 @@ class Run:
         return feed
 
     def _speeds(self) -> Floats:
+        """rpm in force at each row, whether the spindle turns or not."""
         state, has = self._state, self._has("S")
         speed = filled(self._values("S"), has, state.speed)
         if has.any():
             state.speed = float(speed[-1])
-        return speed * float(state.spindle or 0)
+        return speed
 
     def _runs_dry(self, context: Context) -> Bools:
         """Rows at which the controller waits for its queue to run dry because of S (gcode §5; Grbl's laser mode)."""
@@ -242,7 +250,7 @@ class Run:
             return np.zeros(len(rows))
         way = found.end[row, arcs] - found.start[row, arcs]
         if not self._state.absolute:
-            step = self._values(axis)[rows] * (MM_PER_INCH if self._state.inches else 1.0)
+            step = self._lengths(axis)[rows]
             way = np.where(np.isnan(way), step, way)
         named: Floats = np.where(has, way, 0.0)
         return named

@@ -64,6 +64,11 @@ class BlockWriter:
         """What compensation "offset" has added to the program's position, mm."""
         return self._offset.applied
 
+    @property
+    def has_its_offset(self) -> bool:
+        """Whether no axis is still to take, or to leave, what "offset" adds."""
+        return self._offset.settled
+
     # --- a block before and behind its execution --------------------------------------------------------------------
 
     def begin(self, line: BlockLine, block: Block, codes: list[Code], values: Mapping[str, float]) -> Pending:

@@ -8,16 +8,18 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Unpack
 
-from gcode.check import CheckOptions, check_numbered
-from gcode.check.source import Fingerprint
+from gcode.check.program import Checker, CheckOptions
+from gcode.check.source import Fingerprint, gather_numbered
+from gcode.columns import Columns, read_columns
 from gcode.findings import Finding, Findings, Report
 from gcode.lines import split_lines
 from gcode.motion import Motion
 from gcode.ncframe.rules import FrameRules, profile_for
 from gcode.ncframe.source import blocks_of_line
+from gcode.ncframe.stretches import Stretches
 from gcode.ncframe.translate import Translator
 from gcode.profile import Profile
-from gcode.words import decode_line, parse_block
+from gcode.segments import Ints
 
 ORIGIN: Mapping[str, float] = {"x": 0.0, "z": 0.0}
 """Where the machine is taken to stand where nobody says: increments need a start, as in the source's example."""
@@ -32,15 +34,25 @@ def check_frames(
 ) -> Report:
     """Check lines with their numbers. Raises only what `lines` raises."""
     position = options.get("position") or ORIGIN
-    going = _Through(Translator(profile, rules, position), rules)
     # The check counts X in radii, as the frames do.
     options["position"] = {
         axis: value / 2 if axis == "x" and rules.diameter_programming else value for axis, value in position.items()
     }
-    report = check_numbered(going.through(lines), profile_for(profile, rules), motion, **options)
-    going.close()
-    errors = sorted([*report.errors, *_unsaid(report.errors, going.found)], key=lambda one: (one.line, one.column))
-    return replace(report, errors=tuple(errors), lines=going.lines)
+    translated = _Translated(Translator(profile, rules, position), rules)
+    checker = Checker(profile_for(profile, rules), motion, options)
+    row = 1
+    for piece in gather_numbered(translated.blocks(lines)):
+        assert piece.numbers is not None
+        columns = read_columns(piece.text, row, rules.encoding)
+        for too_long in piece.too_long:
+            checker.too_long(int(piece.numbers[too_long]))
+        row += columns.lines
+        checker.look(columns, piece.numbers)
+        translated.look(columns, piece.numbers)
+    translated.close()
+    report = checker.report()
+    errors = sorted([*report.errors, *_unsaid(report.errors, translated.found)], key=lambda one: (one.line, one.column))
+    return replace(report, errors=tuple(errors), lines=translated.lines)
 
 
 def _unsaid(said: Iterable[Finding], found: Findings) -> list[Finding]:
@@ -75,23 +87,27 @@ def check_expandable(lines: Iterable[tuple[int, bytes]], rules: FrameRules) -> t
     return found.of("error")
 
 
-class _Through:
-    """The translation of lines on their way to the check."""
+class _Translated:
+    """The translation of lines beside the check."""
 
     def __init__(self, translator: Translator, rules: FrameRules) -> None:
         self.found = Findings()
         self.lines = 0
         self._translator = translator
-        self._rules = rules
+        self._stretches = Stretches(translator, rules)
+        self._semicolon = rules.semicolon
 
-    def through(self, lines: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
-        """The same lines as blocks; each has been translated when it comes."""
+    def blocks(self, lines: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+        """Lines as blocks, on their way."""
         for number, raw in lines:
             self.lines += 1
-            for block in blocks_of_line(raw, self._rules.semicolon):
-                self._translator.step(number, parse_block(decode_line(block, self._rules.encoding)))
-                self._collect()
+            for block in blocks_of_line(raw, self._semicolon):
                 yield number, block
+
+    def look(self, columns: Columns, line: Ints) -> None:
+        """The next blocks."""
+        self._stretches.look(columns, line)
+        self._collect()
 
     def close(self) -> None:
         """The program is over."""

@@ -23,6 +23,11 @@ class Offset:
         self._wanted = 0.0
         self.applied = (0.0,) * len(axes)
 
+    @property
+    def settled(self) -> bool:
+        """Every axis has what was said last."""
+        return all(added == self._wanted for added in self.applied)
+
     def take(self, codes: list[Code], values: Mapping[str, float], tool: int) -> None:
         """G41, G42, G40 and the end of the program."""
         if self._rules.compensation != "offset":
@@ -38,7 +43,7 @@ class Offset:
 
     def apply(self, values: Mapping[str, float], kinds: list[int]) -> bool:
         """The axes that the block names take the offset; False: it is to be taken or left along an arc."""
-        if all(added == self._wanted for added in self.applied):
+        if self.settled:
             return True
         if CW in kinds or CCW in kinds:
             return False

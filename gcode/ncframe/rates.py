@@ -4,7 +4,10 @@ The one rule: the machine never cuts faster than the program says for want of a 
 with a table, never faster at all.
 """
 
+import numpy as np
+
 from gcode.ncframe.rules import FrameRules
+from gcode.segments import Bools, Floats
 
 _ROUNDING = 1e-9
 
@@ -28,6 +31,17 @@ def feed_byte(feed_mm_min: float, rules: FrameRules) -> int:
     if count == 0:
         raise RateError(f"a feed of {feed_mm_min:g} mm/min is nothing in steps of {rules.feed_unit_mm_min:g}")
     return count
+
+
+def feeds_have_bytes(feed_mm_min: Floats, rules: FrameRules) -> Bools:
+    """Which of these feeds are over 0 and have an F: those for which `feed_byte` raises nothing. NaN has none."""
+    least = min((feed for feed in rules.feed_table_mm_min if feed > 0.0), default=0.0)
+    found: Bools = (feed_mm_min > 0.0) & (feed_mm_min <= rules.fastest_feed_mm_min * (1 + _ROUNDING))
+    if rules.feed_table_mm_min:
+        found &= (least <= feed_mm_min * (1 + _ROUNDING)) & (least > 0.0)
+    else:
+        found &= np.rint(feed_mm_min / rules.feed_unit_mm_min) != 0.0
+    return found
 
 
 def speed_byte(speed: float, rules: FrameRules) -> int:

@@ -59,8 +59,8 @@ class Translator:
         self._unlocated = {row for row, value in enumerate(state.position) if isnan(value)}
         self._unset = set(self._unlocated)
         state.position = [0.0 if isnan(value) else value for value in state.position]
-        self._interpreter = Interpreter(self.profile, state)
-        self._writer = BlockWriter(rules, self._interpreter.state, self.errors)
+        self.interpreter = Interpreter(self.profile, state)
+        self._writer = BlockWriter(rules, self.interpreter.state, self.errors)
         self._blocks = 0
         self._waiting: deque[Pending] = deque()
         self._by_block: dict[int, Pending] = {}
@@ -69,12 +69,33 @@ class Translator:
     @property
     def state(self) -> State:
         """Behind everything that was stepped through; X and Z are the programmed ones while the tool is guided."""
-        return self._interpreter.state
+        return self.interpreter.state
 
     @property
     def settled(self) -> bool:
         """Whether everything that was stepped through has been given out."""
-        return not self._waiting and not self._interpreter.compensating
+        return not self._waiting and not self.interpreter.compensating
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether a plain move comes to a frame of its own here and to nothing else: nothing waits, every axis is
+        known, no offset is to be taken or left."""
+        return not self._unset and self.settled and self._writer.has_its_offset
+
+    @property
+    def counts(self) -> list[int]:
+        """Where the machine stands, over the axes of the state."""
+        return self._writer.counts
+
+    @property
+    def added(self) -> tuple[float, ...]:
+        """What compensation "offset" adds to each axis now, mm."""
+        return self._writer.added
+
+    def leap(self) -> None:
+        """The state has gone on through plain moves whose frames nobody wants. They hold their tool."""
+        self._writer.stand([at + added for at, added in zip(self.state.position, self.added, strict=True)])
+        self._writer.memory.forget(tool=False)
 
     @property
     def place(self) -> tuple[float, ...]:
@@ -124,14 +145,14 @@ class Translator:
         self._by_block[self._blocks] = pending
         before = self.state.position
         self._guard(pending, words)
-        self._interpreter.step(here, block)
+        self.interpreter.step(here, block)
         self._locate(words, before)
         self._writer.complete(pending)
         return self._given_out()
 
     def finish(self) -> list[Frame]:
         """The program is over."""
-        self._interpreter.finish()
+        self.interpreter.finish()
         return self._given_out()
 
     # --- words ----------------------------------------------------------------------------------------------------
@@ -202,12 +223,12 @@ class Translator:
     # --- frames ---------------------------------------------------------------------------------------------------
 
     def _given_out(self) -> list[Frame]:
-        notes = self._interpreter.notes
+        notes = self.interpreter.notes
         if notes:
             self.errors += [note._replace(line=int(note.line)) for note in notes if note.level == "error"]
             notes.clear()
-        self._share_out(self._interpreter.rows.drain())
-        held = self._interpreter.held_line
+        self._share_out(self.interpreter.rows.drain())
+        held = self.interpreter.held_line
         last = held.block if isinstance(held, BlockLine) else self._blocks + 1
         if len(self._waiting) > MAX_WAITING:
             text = f"over {MAX_WAITING} blocks without a motion in the plane while compensation is on"
