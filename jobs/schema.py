@@ -3,6 +3,9 @@
 The one rule: a migration that was released is never edited; what has to change is a new one at the end.
 """
 
+import sqlite3
+from contextlib import closing
+
 from sqlite_utils import Database
 from sqlite_utils.migrations import Migrations
 
@@ -169,8 +172,21 @@ def m014_tool_events(db: Database) -> None:
     """)
 
 
+class NewerDatabaseError(sqlite3.DatabaseError):
+    """The tables were brought up to date by a version after this one."""
+
+
+def unknown_migrations(db: Database) -> list[str]:
+    """The changes of the tables that were made by a version after this one."""
+    with closing(Database(memory=True)) as empty:
+        known = {one.name for one in migrations.pending(empty)}
+    return sorted(one.name for one in migrations.applied(db) if one.name not in known)
+
+
 def prepare(db: Database) -> None:
-    """Set the connection up and bring the tables to the newest state."""
+    """Set the connection up and bring the tables to the newest state. Raises NewerDatabaseError."""
+    if unknown := unknown_migrations(db):
+        raise NewerDatabaseError(f"it was made by a newer version of millstream ({', '.join(unknown)})")
     db.execute("pragma journal_mode = wal")
     # A journal row that was reported durable must survive a power cut, not only a crash of the process.
     db.execute("pragma synchronous = full")

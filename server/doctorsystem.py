@@ -21,7 +21,7 @@ from pathlib import Path
 
 from sqlite_utils import Database
 
-from jobs.schema import migrations
+from jobs.schema import migrations, unknown_migrations
 from server.auth import is_loopback
 from server.config import Config
 from server.doctorfindings import Finding, error, info, ok, warning
@@ -202,26 +202,19 @@ def _looked_into(db: Database, path: Path) -> Iterator[Finding]:
         told = "; ".join(faults)[:300]
         yield error("database", f"{path} is damaged: {told}.", "Restore a backup: `millstream restore FILE --force`.")
         return
-    ours = {one.name for one in migrations.pending(db)} | {one.name for one in migrations.applied(db)}
-    applied = {one.name for one in migrations.applied(db)}
-    if unknown := applied - known_migrations():
-        told = f"{path} was made by a newer version ({', '.join(sorted(unknown))})."
+    if unknown := unknown_migrations(db):
+        told = f"{path} was made by a newer version ({', '.join(unknown)})."
         yield error("database", told, "Install that version, or restore a backup of this one.")
         return
     size = path.stat().st_size
-    pending = f", {len(ours - applied)} changes of its tables wait for the next start" if ours - applied else ""
+    waiting = len(migrations.pending(db))
+    pending = f", {waiting} changes of its tables wait for the next start" if waiting else ""
     yield ok("database", f"{path}: in order, {size / MIB:.1f} MiB{pending}.", bytes=size)
     wal = path.with_name(path.name + "-wal")
     if wal.exists() and wal.stat().st_size > WAL_LARGE_BYTES:
         told = f"{wal} has grown to {wal.stat().st_size // MIB} MiB."
         yield warning("database", told, "Something keeps reading the database: end it, or restart the daemon.")
     yield from _ahead(db)
-
-
-def known_migrations() -> frozenset[str]:
-    """The names of all changes of the tables that this version knows."""
-    with closing(Database(memory=True)) as empty:
-        return frozenset(one.name for one in migrations.pending(empty))
 
 
 def _ahead(db: Database) -> Iterator[Finding]:

@@ -19,10 +19,9 @@ from sqlite_utils import Database
 from jobs import history, store
 from jobs.effects import SetStatus
 from jobs.job import ACTIVE, JobError, Status
-from jobs.schema import prepare
+from jobs.schema import prepare, unknown_migrations
 from server import archive
 from server.archive import ArchiveError, Manifest, sync_folder
-from server.doctorsystem import known_migrations
 from server.hub import rfc3339
 
 INCOMPLETE = "restore-incomplete"
@@ -76,9 +75,8 @@ def _look_over(database: Path, manifest: Manifest, now: datetime) -> int:
     with closing(Database(sqlite3.connect(database))) as db:
         if (damage := _damage(db)) is not None:
             raise ArchiveError(f"its database is damaged: {damage}")
-        applied = {row[0] for row in db.execute("select name from _sqlite_migrations").fetchall()}
-        if unknown := applied - known_migrations():
-            names = ", ".join(sorted(unknown))
+        if unknown := unknown_migrations(db):
+            names = ", ".join(unknown)
             raise ArchiveError(f"it was made by a newer version, {manifest.version} ({names}); install that one")
         prepare(db)
         with db.conn:

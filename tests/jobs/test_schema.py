@@ -3,9 +3,10 @@
 import sqlite3
 from pathlib import Path
 
+import pytest
 from sqlite_utils import Database
 
-from jobs.schema import migrations, prepare
+from jobs.schema import NewerDatabaseError, migrations, prepare
 
 
 def test_all_tables_and_twice_does_no_harm(tmp_path: Path) -> None:
@@ -37,4 +38,14 @@ def test_a_database_of_before_keeps_its_jobs(tmp_path: Path) -> None:
     prepare(db)
     (row,) = db.query("select * from jobs")
     assert (row["machine"], row["planned_seconds"], row["moving_seconds"]) == ("router", None, None)
+    db.close()
+
+
+def test_a_database_of_a_newer_version_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    db = Database(sqlite3.connect(tmp_path / "m.db"))
+    migrations.apply(db, stop_before="m004_events")
+    db.execute("update _sqlite_migrations set name = 'm999_future' where name = 'm003_batches'")
+    with pytest.raises(NewerDatabaseError, match=r"newer version of millstream \(m999_future\)"):
+        prepare(db)
+    assert "events" not in db.table_names()
     db.close()
