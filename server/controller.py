@@ -74,6 +74,8 @@ class Controller(Machine):
             self._urge(self.verbs.hold)
         if runner is not None and runs:
             self.stream.react(runner.pause())
+        elif self._jogged and not by_hand:
+            self.cancel_jog()
         elif not by_hand or self.verbs.hold is None:
             raise ProblemError("wrong_state", f"There is no running job on {self.name} to pause.")
 
@@ -98,7 +100,7 @@ class Controller(Machine):
         runner, had_manual = self.stream.runner, self.manual.busy
         # What was asked a moment ago moves before a report says so.
         under_way = self.verbs.drop is not None and (self.state.status in UNDER_WAY or self.manual.moves)
-        jogged = self.verbs.cancel_jog is not None and self._loop.time() - self._jogged_at < JOG_SHOWN_WITHIN_S
+        jogged = self._jogged
         if under_way or (runner is not None and runner.flights):
             self._urge(self.verbs.drop)
         elif jogged:
@@ -111,6 +113,11 @@ class Controller(Machine):
             self.stream.beginning.cancel()
         elif not (had_manual or under_way or jogged):
             raise ProblemError("wrong_state", f"Nothing is running on {self.name}.")
+
+    @property
+    def _jogged(self) -> bool:
+        """A jog was taken so short a time ago that no report may have shown it yet."""
+        return self.verbs.cancel_jog is not None and self._loop.time() - self._jogged_at < JOG_SHOWN_WITHIN_S
 
     def cancel_jog(self) -> None:
         """Take back the jogs that are not with the machine yet, and end the one that is, where the protocol can."""
