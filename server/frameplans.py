@@ -9,11 +9,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from gcode.held import Held
+from gcode.ncframe.stretches import first_error
 from jobs.batch import BatchPlanner
-from jobs.frames import LINES_AT_ONCE, Behind, FrameBlocks
+from jobs.frames import Behind, FrameBlocks
 from jobs.program import ProgramStore
 from jobs.restart import CannotStartError
 from jobs.store import Row
+from jobs.upcoming import PlanError
 from protocol.commands import Position
 
 if TYPE_CHECKING:
@@ -29,11 +31,10 @@ def start(programs: ProgramStore, piece: "Workpiece", row: Row, *, line: int, po
     """From the first line. Raises CannotStartError, PlanError for the first line that cannot be sent, OSError."""
     if line > 1:
         raise CannotStartError(f"A job cannot begin in the middle here: {FROM_THE_BEGINNING}.")
-    trial = _blocks(programs, piece, row, position, Behind())
-    while not trial.ended:
-        found, _ = trial.more(LINES_AT_ONCE)
-        if found and found[-1].barrier is not None and found[-1].barrier.ends_program:
-            break
+    assert piece.frames is not None
+    lines = _lines(programs, row["program"], row["end_line"])
+    if (error := first_error(lines, piece.profile, piece.frames, position)) is not None:
+        raise PlanError(error.line, f"column {error.column}: {error.message}")
     return BatchPlanner.over(_blocks(programs, piece, row, position, Behind()), piece.limits)
 
 

@@ -5,18 +5,23 @@ whether its frames could hold it. The one rule: a stretch ends before the first 
 row goes through the translator, which says what is wrong with it, or that nothing is.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 
 import numpy as np
 
 from gcode.blocks import Blocks
-from gcode.columns import Columns
+from gcode.check.source import gather_numbered
+from gcode.columns import Columns, read_columns
+from gcode.executor import Note
 from gcode.interpret import FIRST_WINDOW, SHORTEST_RUN, Reading
 from gcode.ncframe.blockwriter import GAP_MM, GAP_SHARE, SMALL_GAP_MM
 from gcode.ncframe.items import THREE_BYTES
 from gcode.ncframe.rates import feeds_have_bytes
 from gcode.ncframe.rules import FrameRules
+from gcode.ncframe.source import blocks_of_lines
 from gcode.ncframe.translate import Translator
+from gcode.profile import Profile
 from gcode.runs import MM_PER_INCH, Context, Run
 from gcode.segments import CW, RAPID, Bools, Ints, Segments
 from gcode.state import State
@@ -28,14 +33,37 @@ CAREFUL_LETTERS = ("S", "J")
 """Letters that a stretch does not have: S has a byte of its own, J is no word of a lathe."""
 
 
-class Stretches(Reading):
-    """One program, piece by piece, through `translator`, whose `errors` are what comes of it."""
+def first_error(
+    lines: Iterable[tuple[int, bytes]], profile: Profile, rules: FrameRules, position: Mapping[str, float]
+) -> Note | None:
+    """What would stop a job of these lines first, from a machine that stands at `position`; None: nothing. What comes
+    behind the end of the program is not looked at. Raises only what `lines` raises."""
+    translator = Translator(profile, rules, position)
+    stretches = Stretches(translator, rules, to_its_end=True)
+    row = 1
+    for piece in gather_numbered(blocks_of_lines(lines, rules.semicolon)):
+        assert piece.numbers is not None
+        columns = read_columns(piece.text, row, rules.encoding)
+        row += columns.lines
+        stretches.look(columns, piece.numbers)
+        if piece.too_long and not translator.errors and not translator.state.ended:
+            return Note(int(piece.numbers[piece.too_long[0]]), 1, "line_too_long", "no line is so long")
+        if translator.errors or translator.state.ended:
+            break
+    translator.finish()
+    return translator.errors[0] if translator.errors else None
 
-    def __init__(self, translator: Translator, rules: FrameRules) -> None:
+
+class Stretches(Reading):
+    """One program, piece by piece, through `translator`, whose `errors` are what comes of it. `to_its_end`: nothing
+    behind the first error or the end of the program."""
+
+    def __init__(self, translator: Translator, rules: FrameRules, *, to_its_end: bool = False) -> None:
         super().__init__(translator.profile, skip_deleted=rules.block_delete)
         self._interpreter = translator.interpreter
         self._translator = translator
         self._rules = rules
+        self._to_its_end = to_its_end
 
     def look(self, columns: Columns, line: Ints) -> None:
         """The rows of a piece. `line`: the number of each."""
@@ -49,6 +77,8 @@ class Stretches(Reading):
                 behind = self._careful_until(blocks, at)
                 for row in range(at, behind):
                     self._translator.step(int(line[row]), columns.block(row))
+                    if self._to_its_end and (self._translator.errors or self.state.ended):
+                        return
             at = behind
 
     def _careful_until(self, blocks: Blocks, at: int) -> int:

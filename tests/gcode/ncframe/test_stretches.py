@@ -15,8 +15,9 @@ from gcode.interpreter import Interpreter
 from gcode.motion import Motion
 from gcode.ncframe.check import check_frames
 from gcode.ncframe.rates import RateError, feed_byte, feeds_have_bytes
+from gcode.ncframe.reader import FrameReader, TranslationError
 from gcode.ncframe.rules import FrameRules, profile_for
-from gcode.ncframe.stretches import Stretches
+from gcode.ncframe.stretches import Stretches, first_error
 from gcode.ncframe.translate import Translator
 from gcode.words import parse_block
 from tests.harness.frameprograms import LATHE, ORIGIN
@@ -149,3 +150,45 @@ def has_byte(feed: float, rules: FrameRules) -> bool:
     except RateError:
         return False
     return True
+
+
+@pytest.mark.parametrize(
+    ("program", "line"),
+    [
+        ("G1 X1 F100|X2|M30|Q9", None),
+        ("G1 X1 F100|X2|Q9|M30", 3),
+        ("G1 X1 F100|X9999|X2 F900|M30", 2),
+        ("G41 G1 X5 Z5 F9 D7|X3", 1),
+        ("G1 X1 F100|G1 X5 Z5 F9,Y2;M30", 2),
+        ("G1 X1 F100|(" + "a" * 300_000, 2),
+    ],
+)
+def test_the_first_error_before_the_end_is_what_stops_a_job(program: str, line: int | None) -> None:
+    lines = list(enumerate(program.encode().split(b"|"), 1))
+    found = first_error(lines, LATHE, FrameRules(tools={1: 0.4}), ORIGIN)
+    assert (None if found is None else found.line) == line
+
+
+@given(program, st.sampled_from(RULES))
+@quick
+def test_what_has_no_first_error_is_read_to_its_end(lines: list[str], rules: FrameRules) -> None:
+    numbered = [(number, line.encode()) for number, line in enumerate(lines, 1)]
+    assert first_error_said(numbered, rules) == first_error_met(numbered, rules)
+
+
+def first_error_said(numbered: list[tuple[int, bytes]], rules: FrameRules) -> str | None:
+    error = first_error(numbered, LATHE, rules, ORIGIN)
+    return None if error is None else f"line {error.line}: column {error.column}: {error.message}"
+
+
+def first_error_met(numbered: list[tuple[int, bytes]], rules: FrameRules) -> str | None:
+    """By a job that runs to the program's end."""
+    reader = FrameReader(numbered, LATHE, Motion(), rules, ORIGIN)
+    try:
+        while not reader.ended:
+            found, _ = reader.more(7)
+            if found and found[-1].barrier is not None and found[-1].barrier.ends_program:
+                break
+    except TranslationError as broken:
+        return str(broken)
+    return None
