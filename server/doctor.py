@@ -127,7 +127,7 @@ def _told(
         "heard": talk.heard[:SHOWN_BYTES].decode("latin-1").encode("unicode_escape").decode("ascii"),
     }
     if answer is None:
-        heard = f"It said {data['heard']!r}." if talk.heard else "It said nothing."
+        heard = f'It said "{data["heard"]}".' if talk.heard else "It said nothing."
         yield error(
             "controller",
             f"Nobody answered on {port} at {baud} baud in {' or '.join(protocols)}. {heard}",
