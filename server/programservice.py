@@ -6,7 +6,7 @@ The one rule: an upload is complete and durable, or there is nothing of it; it i
 import asyncio
 import errno
 from collections import OrderedDict
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
@@ -205,6 +205,12 @@ class ProgramService:
             raise ProblemError("program_in_use", f"Job {job} has not ended and needs {program['name']}.")
         await self._read(program_id, self._programs.delete, program_id)
         self._announce(program, "deleted")
+
+    def codes(self, machine: str) -> Sequence[Mapping[str, Any]]:
+        """The G, M and W codes of a machine's profile, as people type them. Raises ProblemError."""
+        piece, _ = self._piece(machine, None)
+        there = (code for code in piece.profile.codes.values() if code.status != "missing")
+        return [{"code": code.name, "text": code.text} for code in there]
 
     def _piece(self, machine: str | None, profile: str | None) -> tuple[Workpiece, str]:
         if machine is not None:

@@ -192,6 +192,14 @@ class RunFileRequest(BaseModel):
     name: Annotated[str, Field(min_length=1, max_length=255)]
 
 
+class CodeView(BaseModel):
+    """A code of the machine's profile. `text`: what the controller makes of it, where that is not the usual."""
+
+    model_config = example(code="G28", text="retracts Z to the safe plane and goes to X0 Y0")
+    code: str
+    text: str
+
+
 class ConsoleLine(BaseModel):
     """A message on the wire: `>` to the machine, `<` from it. `text` is the machine's own, to be escaped."""
 

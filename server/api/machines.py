@@ -12,6 +12,7 @@ from starlette.responses import Response
 
 from server.api.machinemodels import (
     Accepted,
+    CodeView,
     CommandsRequest,
     CommandsResult,
     ConsoleLine,
@@ -113,6 +114,18 @@ def _views(app: FastAPI, services: Services) -> None:
         limit: Annotated[int, Query(ge=1, le=MAX_CONSOLE_LINES, description="How many lines at most")] = 200,
     ) -> Response:
         return json_response(find(services, m).console(limit))
+
+    @routes.add(
+        "GET",
+        "/machines/{m}/codes",
+        role=Role.VIEWER,
+        summary="List the codes that the machine's profile knows",
+        model=list[CodeView],
+        errors=("unknown_machine",),
+    )
+    async def get_codes(m: MachineName) -> Response:
+        find(services, m)
+        return json_response(services.programs.codes(m))
 
 
 def _verbs(app: FastAPI, services: Services) -> None:

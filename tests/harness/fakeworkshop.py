@@ -242,6 +242,10 @@ class FakePrograms(Recording):
     async def delete(self, program_id: str) -> None:
         self.note("delete", program_id)
 
+    def codes(self, machine: str) -> Sequence[Json]:
+        self.note("codes", machine)
+        return [{"code": "G0", "text": ""}]
+
 
 @dataclass(frozen=True)
 class FakeToolpath:

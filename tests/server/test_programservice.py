@@ -243,3 +243,15 @@ def test_other_errors_of_the_disk_are_errors_of_the_daemon(tmp_path: Path, monke
             await shop.programs.store(chunks(GOOD), "a.nc")
 
     told(tmp_path, story)
+
+
+def test_the_codes_of_a_machine_are_those_that_its_controller_has(tmp_path: Path) -> None:
+    async def story(shop: Workshop) -> None:
+        found = {one["code"]: one["text"] for one in shop.programs.codes(MACHINE)}
+        assert {"G0", "G1", "G28", "M3", "M30"} <= set(found)
+        assert "G20" not in found, "in the table of the profile, but not in the controller"
+        assert "Z to the safe plane" in found["G28"]
+        with pytest.raises(ProblemError):
+            shop.programs.codes("nobody")
+
+    told(tmp_path, story)

@@ -1,17 +1,15 @@
-// The console: the wire both ways as it is, with a filter, and a line for blocks by hand.
+// The console: the wire both ways as it is, with a filter. Blocks by hand are command.js.
 // The rule: what a machine says is text and nothing else.
 
 import { html, useEffect, useLayoutEffect, useRef, useState } from "../lib/ui.js";
 import { t, time } from "../lib/i18n.js";
 import { wantConsole } from "../net/daemon.js";
-import { against, can, chosen, live } from "../state/store.js";
-import { attempt, run } from "../state/actions.js";
+import { can, chosen, live } from "../state/store.js";
+import { attempt } from "../state/actions.js";
+import { CommandLine } from "./command.js";
 import { fill, ringOf, version } from "./lines.js";
 
 const SHOWN = 400;
-const REMEMBERED = 50;
-/** @type {string[]} */
-const said = [];
 
 export function ConsolePage() {
   const machine = chosen.value;
@@ -46,38 +44,4 @@ export function ConsolePage() {
       <time>${time(one.at)}</time><i aria-label=${t(one.direction === ">" ? "console.out" : "console.in")}>${one.direction}</i><code>${one.text}</code></li>`)}</ol>
     ${can("commands") && html`<${CommandLine} />`}
   </section>`;
-}
-
-function CommandLine() {
-  const [text, setText] = useState("");
-  const [back, setBack] = useState(0);
-  const [answer, setAnswer] = useState("");
-  const reason = against("by_hand");
-  async function submit(/** @type {Event} */ event) {
-    event.preventDefault();
-    const block = text.trim();
-    if (!block || reason) return;
-    if (said[said.length - 1] !== block) said.push(block);
-    if (said.length > REMEMBERED) said.shift();
-    setText("");
-    setBack(0);
-    setAnswer(t("console.sent", { block }));
-    const done = await attempt(() => run([block]));
-    setAnswer(done ? t("console.done", { block }) : t("console.refused", { block }));
-  }
-  function key(/** @type {KeyboardEvent} */ event) {
-    if (event.key !== "ArrowUp" && event.key !== "ArrowDown") return;
-    event.preventDefault();
-    const next = Math.min(said.length, Math.max(0, back + (event.key === "ArrowUp" ? 1 : -1)));
-    setBack(next);
-    setText(next ? said[said.length - next] : "");
-  }
-  return html`<form class="command" onSubmit=${submit}>
-    <input type="text" name="block" autocomplete="off" autocapitalize="characters" spellcheck=${false} maxlength="1024"
-      value=${text}
-      placeholder=${reason ? t(reason) : t("console.command")} aria-label=${t("console.command")} disabled=${Boolean(reason)}
-      onInput=${(/** @type {any} */ event) => setText(event.target.value)} onKeyDown=${key} />
-    <button type="submit" class="button primary" disabled=${Boolean(reason)}>${t("console.send")}</button>
-    <output data-name="answer">${answer}</output>
-  </form>`;
 }

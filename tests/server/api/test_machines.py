@@ -132,3 +132,9 @@ def test_stops_do_not_wait_for_a_command_under_way() -> None:
             await jogging
 
     run(main())
+
+
+def test_the_codes_of_the_profile() -> None:
+    status, body, _ = ask("GET", f"{ROUTER}/codes")
+    assert (status, body) == (200, [{"code": "G0", "text": ""}])
+    assert ask("GET", "/api/v1/machines/nobody/codes")[0] == 404
