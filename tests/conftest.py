@@ -17,6 +17,17 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--long`: what tests/harness/effort.py is about."""
+    parser.addoption("--long", action="store_true", help="try ten times as many examples, seeds and crash points")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """By the environment, because all of this is read at import, in every process of the run."""
+    if config.getoption("long"):
+        os.environ["MILLSTREAM_LONG_TESTS"] = "1"
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Stable: everything else stays in its order."""
     items.sort(key=lambda item: "tests/web/" in item.nodeid)

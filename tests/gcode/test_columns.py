@@ -11,6 +11,7 @@ from gcode.clean import clean
 from gcode.columns import BITE_BYTES, Columns, messages_of, read_columns
 from gcode.lines import MAX_LINE_BYTES
 from gcode.words import decode_line, parse_block, parse_carefully
+from tests.harness.effort import more
 from tests.harness.programs import corpus_files, program_lines, thorough
 
 # Pieces of lines that meet every branch of the grammar, often enough in lines that are nearly right.
@@ -24,7 +25,7 @@ FRAGMENTS = (
     *("(a)", "(", ")", "(a (b) c)", "; to the end", "(MSG, change tool)", "( m s g ,x)", "(MSG,", "(фреза)", "X(b)5"),
     *("IF", "GOTO", "WHILE [1]", "DO1", "END1", "THEN", "\r", "(;)", ";(", "5", "1.5", "٣"),
 )
-MAX_BYTES = 400_000
+MAX_BYTES = more(100_000)
 """Of each file of the corpus: seven are longer, with lines of the same few shapes to their end."""
 
 LINE_ENDS = ("\n", "\n", "\n", "\r\n", "\r", "\n\n")

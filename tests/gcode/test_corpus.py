@@ -15,9 +15,10 @@ from gcode.lines import split_lines
 from gcode.profile import load_profile, profile_names
 from gcode.words import decode_line, parse_block, parse_carefully
 from tests.gcode.corpus_findings import HEAD, TABLE, begin_of, rows_of
+from tests.harness.effort import more
 from tests.harness.programs import FITTING_FILES, corpus_files, elvinto
 
-MAX_LINES = 2_500
+MAX_LINES = more(1_000)
 """Of each file: the shapes repeat, the time of the tests is better spent elsewhere."""
 
 

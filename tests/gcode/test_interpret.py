@@ -18,6 +18,7 @@ from gcode.profile import load_profile, profile_names
 from gcode.segments import CCW, CW, FEED, RAPID, Segments
 from gcode.state import State
 from gcode.words import decode_line, parse_block
+from tests.harness.effort import more
 from tests.harness.programs import corpus_files, program_lines, quick, thorough
 
 
@@ -190,7 +191,7 @@ def test_the_corpus_goes_both_ways(profile: str, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(gcode.interpret, "FIRST_WINDOW", 64)
     monkeypatch.setattr(gcode.interpret, "SHORTEST_RUN", 4)
     for path in corpus_files():
-        data = b"\n".join(list(split_lines([path.read_bytes()]))[:1500])
+        data = b"\n".join(list(split_lines([path.read_bytes()]))[: more(600)])
         interpreter = Interpreter(load_profile(profile))
         for number, line in every_line(data):
             block = parse_block(line)

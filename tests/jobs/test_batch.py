@@ -20,6 +20,7 @@ from gcode.words import Block, decode_line, parse_block
 from jobs.batch import BatchLimits, BatchPlanner, PlannedBatch
 from jobs.upcoming import LINES_AT_ONCE, PlanError
 from protocol.errors import LocalError
+from tests.harness.effort import more
 from tests.harness.programs import FITTING_FILES, corpus_files, elvinto, numbered, positions, program_lines, thorough
 
 WIDE = BatchLimits(max_batch_seconds=1e9)
@@ -350,7 +351,7 @@ def test_a_skip_sends_what_a_machine_in_that_state_needs(lines: list[str]) -> No
 @pytest.mark.parametrize("name", FITTING_FILES)
 def test_a_fitting_program_is_planned_whole(name: str) -> None:
     (path,) = [path for path in corpus_files() if path.name == name]
-    lines = list(split_lines([path.read_bytes()]))[:4_000]
+    lines = list(split_lines([path.read_bytes()]))[: more(2_000)]
     blocks = sum(bool(parse_block(decode_line(raw)).words) for raw in lines)
     bounds = BatchLimits()
     source = BatchPlanner(enumerate(lines, 1), elvinto(), Motion(), bounds, position={})

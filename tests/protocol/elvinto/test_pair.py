@@ -9,6 +9,7 @@ from protocol.elvinto.dialect import Dialect
 from protocol.events import BatchDone, LinkReady, ProtocolFault
 from sim.elvinto.settings import SimSettings
 from sim.faults import Drop, FaultRates
+from tests.harness.effort import more
 from tests.harness.pair import Mishap, Pair, walk
 
 BOTH = pytest.mark.parametrize("repeat", ["silent", "reack"])
@@ -71,11 +72,11 @@ def hostile(seed: int) -> FaultRates:
 
 
 @BOTH
-@pytest.mark.parametrize("block", range(10))
+@pytest.mark.parametrize("block", range(more(4)))
 @pytest.mark.slow
 def test_flips_losses_duplicates_noise_and_delays(repeat, block):
     outcomes: Counter[str | None] = Counter()
-    for seed in range(block * 150, block * 150 + 150):
+    for seed in range(block * 100, block * 100 + 100):
         pair = Pair(walk(seed, 6), settings(repeat), seed=seed, rates=hostile(seed)).run()
         pair.verify()
         outcomes[pair.outcome] += 1
@@ -83,7 +84,7 @@ def test_flips_losses_duplicates_noise_and_delays(repeat, block):
 
 
 @BOTH
-@pytest.mark.parametrize("block", range(5))
+@pytest.mark.parametrize("block", range(more(2)))
 @pytest.mark.slow
 def test_crashes_and_pulled_plugs_on_a_hostile_wire(repeat, block):
     outcomes: Counter[str | None] = Counter()
@@ -101,7 +102,7 @@ def test_crashes_and_pulled_plugs_on_a_hostile_wire(repeat, block):
 
 
 @BOTH
-@pytest.mark.parametrize("block", range(5))
+@pytest.mark.parametrize("block", range(more(2)))
 @pytest.mark.slow
 def test_restarts_of_the_machine(repeat, block):
     """Interrupted in every run in which the restart hit the program, and never a block twice or out of turn."""
