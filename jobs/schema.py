@@ -172,6 +172,12 @@ def m014_tool_events(db: Database) -> None:
     """)
 
 
+@migrations()
+def m015_program_uploads(db: Database) -> None:
+    """When a program that was known already was uploaded again: somebody means to use it (jobs/retention.py)."""
+    db.execute("create table program_uploads (program text primary key, at text not null)")
+
+
 class NewerDatabaseError(sqlite3.DatabaseError):
     """The tables were brought up to date by a version after this one."""
 

@@ -18,6 +18,7 @@ from gcode.profile import load_profile
 from server.changeposition import fault_of
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
+from server.historyconfig import HistoryConfig
 from server.motionconfig import MotionConfig
 from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
@@ -192,6 +193,7 @@ class Config(Section):
     """The whole file."""
 
     server: ServerConfig = ServerConfig()
+    history: HistoryConfig = HistoryConfig()
     machine: Annotated[tuple[MachineConfig, ...], BeforeValidator(as_tuple), Allowed("[[machine]] sections")] = ()
 
     @model_validator(mode="after")

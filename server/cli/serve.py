@@ -26,6 +26,7 @@ from server.cli.settings import DEFAULT_CONFIG, configuration, database, sole_da
 from server.clock import WallClock
 from server.config import Config
 from server.notify import Notifier, keep_telling
+from server.retention import keep_within
 from server.sealing import keep_sealing
 from server.tokens import list_tokens
 from server.wswire import WireProtocol
@@ -172,9 +173,12 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
 
 @contextlib.asynccontextmanager
 async def _beside(workshop: "Workshop") -> AsyncIterator[None]:
-    """What goes on beside the machines: the service manager is kept informed, ended jobs are sealed."""
+    """What goes on beside the machines: the service manager is kept informed, ended jobs are sealed, old ones go."""
     notifier = Notifier(os.environ)
-    tasks = [asyncio.create_task(keep_sealing(workshop.db, WallClock()))]
+    tasks = [
+        asyncio.create_task(keep_sealing(workshop.db, WallClock())),
+        asyncio.create_task(keep_within(workshop.config.history, workshop.db, WallClock(), workshop.programs.delete)),
+    ]
     if notifier:
         tasks.append(asyncio.create_task(keep_telling(notifier, workshop.db, partial(_sentence, workshop))))
     notifier.ready()

@@ -12,6 +12,7 @@ from server.config import DEFAULT_DATA_DIR, MachineConfig, ServerConfig
 from server.configfile import describe
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
+from server.historyconfig import HistoryConfig
 from server.motionconfig import MotionConfig
 from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
@@ -29,6 +30,7 @@ from tests.harness.docs import page, rows, section
 
 SECTIONS: list[tuple[str, type[BaseModel]]] = [
     ("## `[server]`", ServerConfig),
+    ("## `[history]`", HistoryConfig),
     ("## `[[machine]]`", MachineConfig),
     ("## `[machine.elvinto]`", ElvintoConfig),
     ("## `[machine.grbl]`", GrblConfig),

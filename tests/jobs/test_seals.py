@@ -84,26 +84,6 @@ def test_a_change_after_the_end_is_found(change: str, what: str) -> None:
         assert history.verify(db) is None, "the history itself is in order"
 
 
-def test_a_job_that_is_forgotten_leaves_a_word() -> None:
-    with database() as db:
-        kept, job = ended(db), ended(db)
-        for one in (kept, job):
-            seal(db, one)
-        seals.forget(db, [job], at=LATER)
-        assert next(db.query("select count(*) as n from batches"))["n"] == 3
-        assert found(db) == []
-        assert history.verify(db) is None
-
-
-def test_a_job_that_is_forgotten_while_it_is_sealed_ends_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(seals, "PIECE_ROWS", 2)
-    with database() as db:
-        digest = Digest(ended(db))
-        assert not seals.seal(db, digest, at=LATER)
-        seals.forget(db, [digest.job], at=LATER)
-        assert seals.seal(db, digest, at=LATER)
-
-
 @pytest.mark.parametrize(("rows", "pieces"), [(0, 1), (3, 1), (4, 2), (9, 3)])
 def test_in_pieces_it_is_the_same_seal(rows: int, pieces: int, monkeypatch: pytest.MonkeyPatch) -> None:
     with database() as db:
