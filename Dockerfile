@@ -1,4 +1,3 @@
-# syntax=docker/dockerfile:1
 # millstream in a container: docs/operations.md says how to give it a serial port. Nothing is compiled, no Node is needed:
 # the dashboard is served as it stands in web/.
 
@@ -35,6 +34,6 @@ VOLUME /data
 EXPOSE 8420
 # By its number, so that an orchestrator sees that it is not root; the groups of the user go with it.
 USER 10001
-HEALTHCHECK --interval=30s --timeout=5s --start-period=60s --start-interval=2s CMD ["python", "-m", "server.healthcheck"]
+HEALTHCHECK --interval=15s --timeout=5s --start-period=60s CMD ["python", "-m", "server.healthcheck"]
 ENTRYPOINT ["millstream"]
 CMD ["serve"]

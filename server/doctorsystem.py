@@ -22,6 +22,7 @@ from pathlib import Path
 from sqlite_utils import Database
 
 from jobs.schema import migrations, unknown_migrations
+from server import healthcheck
 from server.auth import is_loopback
 from server.config import Config
 from server.doctorfindings import Finding, error, info, ok, warning
@@ -239,7 +240,7 @@ def _ahead(db: Database) -> Iterator[Finding]:
 def _address(config: Config) -> Iterator[Finding]:
     host, port = config.server.host, config.server.port
     if daemon_runs(config):
-        yield ok("daemon", "A daemon runs with this data_dir.", running=True)
+        yield _running(config)
         return
     yield info("daemon", "No daemon runs with this data_dir.", running=False)
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -255,6 +256,25 @@ def _address(config: Config) -> Iterator[Finding]:
             f"server.host is {host}, and there is no token: the daemon will not start.",
             "millstream token create",
         )
+
+
+def _running(config: Config) -> Finding:
+    """The daemon that has the data directory: does it answer, and is it of this version?"""
+    if config.server.port == 0:
+        return ok("daemon", "A daemon runs with this data_dir, on a port that the system chose.", running=True)
+    url = healthcheck.reach(config.server.host, config.server.port)
+    try:
+        said = healthcheck.answer(url)
+    except (OSError, ValueError) as fault:
+        told = f"A daemon runs with this data_dir, but {url} does not answer: {fault}."
+        return error(
+            "daemon", told, "Does it use another configuration? Else restart it, and keep its log.", running=True
+        )
+    ours, its = version("millstream"), str(said.get("version", "unknown"))
+    if ours != its:
+        told = f"The daemon that runs is version {its}, this is {ours}."
+        return warning("daemon", told, "Restart it when no job runs.", running=True, version=its)
+    return ok("daemon", f"A daemon runs with this data_dir, and answers at {url}.", running=True, version=its)
 
 
 def _has_tokens(path: Path) -> bool:

@@ -11,7 +11,6 @@ import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from urllib.error import URLError
 from urllib.request import ProxyHandler, build_opener
 
 TIMEOUT_S = 4.0
@@ -25,17 +24,30 @@ def address(environ: Mapping[str, str], folder: Path) -> str:
     server: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8")).get("server", {}) if path.exists() else {}
     host = environ.get("MILLSTREAM_SERVER__HOST") or str(server.get("host", "127.0.0.1"))
     port = environ.get("MILLSTREAM_SERVER__PORT") or server.get("port", 8420)
+    return reach(host, port)
+
+
+def reach(host: str, port: int | str) -> str:
+    """Where a daemon answers on its own computer that was told to listen on `host`."""
     host = EVERYWHERE.get(host.strip("[]"), host.strip("[]"))
     return f"http://[{host}]:{port}/healthz" if ":" in host else f"http://{host}:{port}/healthz"
+
+
+def answer(url: str) -> dict[str, Any]:
+    """What the daemon says of itself. Raises OSError, ValueError."""
+    # No proxy of the environment stands between a computer and itself.
+    with build_opener(ProxyHandler({})).open(url, timeout=TIMEOUT_S) as response:
+        said = json.load(response)
+    if not isinstance(said, dict):
+        raise ValueError("what answers there is not millstream")
+    return said
 
 
 def alive(url: str) -> str | None:
     """None when the daemon answers that it is; else what is wrong."""
     try:
-        # No proxy of the environment stands between a container and itself.
-        with build_opener(ProxyHandler({})).open(url, timeout=TIMEOUT_S) as answer:
-            status = json.load(answer).get("status")
-    except (URLError, OSError, ValueError, AttributeError) as error:
+        status = answer(url).get("status")
+    except (OSError, ValueError) as error:
         return f"{url}: {error}"
     return None if status == "ok" else f"{url}: status {status!r}"
 

@@ -175,3 +175,23 @@ def test_a_network_without_a_token(tmp_path: Path) -> None:
         db.execute("insert into tokens values ('1', 'n', 'admin', 'h', 'now', null, null)")
         db.conn.commit()
     assert found(config(tmp_path, host="0.0.0.0"), "tokens") == []
+
+
+def test_the_daemon_that_runs_is_asked_for_its_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def answer(said: object) -> None:
+        def told(url: str) -> object:
+            assert url == "http://127.0.0.1:8420/healthz"
+            if isinstance(said, Exception):
+                raise said
+            return said
+
+        monkeypatch.setattr(doctorsystem.healthcheck, "answer", told)
+
+    here = config(tmp_path, host="0.0.0.0", port=8420)
+    with sole_daemon(here):
+        answer({"version": doctorsystem.version("millstream")})
+        assert level(here, "daemon") is Level.OK
+        answer({"version": "0.0.1"})
+        assert level(here, "daemon") is Level.WARNING
+        answer(OSError("refused"))
+        assert level(here, "daemon") is Level.ERROR

@@ -64,7 +64,7 @@ def url(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
         (200, {"status": "ok", "version": "1"}, None),
         (200, {"status": "starting"}, "status 'starting'"),
         (500, {"status": "ok"}, "500"),
-        (200, ["ok"], "no attribute"),
+        (200, ["ok"], "not millstream"),
     ],
 )
 def test_what_counts_as_alive(
