@@ -195,7 +195,7 @@ def _take_dollar(settings: dict[str, Any], key: str, value: str) -> None:
 
 _GRBL: Final = _Reader(
     GrblSettings,
-    _plain(GrblSettings(), frozenset({"travel", "start_position", "probe_z", "dollar"})),
+    _plain(GrblSettings(), frozenset({"travel", "start_position", "probe_z", "dollar", "card"})),
     {"flavour": ("1.1h", "grblHAL")},
     {
         "probe_z": _take_plate,

@@ -9,6 +9,7 @@ from collections.abc import Callable, Generator
 from enum import Enum, IntFlag, auto
 from typing import Final, TypeAlias, TypeVar
 
+from sim.grbl.card import OpenFile
 from sim.grbl.events import AlarmRaised, Executed, SimEvent
 from sim.grbl.lines import LineReader
 from sim.grbl.modal import Modal
@@ -107,6 +108,8 @@ class Core:
         self.probe_connected = True
         self.mpg = False
         self.homed = False
+        self.file: OpenFile | None = None
+        """What is read from the SD card (grblHAL)."""
         self.last_alarm = 0
         """The alarm that was said last; grblHAL shows it as long as the state is Alarm."""
         self._first_stream: tuple[RxRing, LineReader] | None = None
@@ -116,6 +119,7 @@ class Core:
         """What a reset forgets: everything but position, state, EEPROM and what has been written down."""
         position = self.position()
         self.flags = NO_FLAG
+        self.file = None
         self.suspend = NOT_SUSPENDED
         self.alarm = 0
         """An alarm that is still to be said."""

@@ -217,3 +217,4 @@ def _program_end(core: Core) -> None:
         core.wco_in = 0
         core.stop_outputs()
     core.message("Pgm End")
+    core.file = None

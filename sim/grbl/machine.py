@@ -227,6 +227,8 @@ class VirtualGrbl:
     def _store(self, data: bytes) -> None:
         """Into the ring; the main program takes out what it can, what then does not fit is lost."""
         core = self.core
+        if core.file is not None:
+            return
         while data:
             taken = core.ring.put(data)
             self._program.waiting_bytes += taken

@@ -14,6 +14,9 @@ from sim.grbl.motion import auto_start
 from sim.grbl.service import realtime
 from sim.grbl.system import dollar, run_startup
 
+READING = (State.IDLE, State.RUN, State.CHECK)
+"""States in which a file of the SD card is read on."""
+
 
 class Program:
     """One run from power-on; `answered` counts lines over all resets."""
@@ -61,7 +64,8 @@ class Program:
     def _lines(self) -> Task[None]:
         core = self.core
         while True:
-            while (byte := core.ring.read()) is not None:
+            yield from self._read_card()
+            while core.file is None and (byte := core.ring.read()) is not None:
                 line = core.reader.feed(byte)
                 if line is None:
                     continue
@@ -73,8 +77,38 @@ class Program:
             yield from realtime(core)
             if core.abort:
                 return
-            if not core.attention and not len(core.ring):
+            if not core.attention and not (self._card_goes_on if core.file is not None else len(core.ring)):
                 yield None
+
+    @property
+    def _card_goes_on(self) -> bool:
+        """The next line of the file can be read, or its end seen."""
+        core = self.core
+        if core.file is None or core.state not in READING:
+            return False
+        return not core.file.exhausted or (core.state is not State.RUN and not core.planner.blocks)
+
+    def _read_card(self) -> Task[None]:
+        """grblHAL: what is on the card instead of what comes over the wire; an error ends it (II, SD)."""
+        core = self.core
+        while core.file is not None and self._card_goes_on:
+            if core.file.exhausted:
+                core.file = None
+                core.message("Pgm End")
+                return
+            number, line = core.file.number + 1, core.file.next()
+            yield from realtime(core)
+            if core.abort:
+                return
+            record = Executed(line.text, 0, core.now)
+            core.current = record
+            try:
+                yield from self._execute(line, record)
+            except Refused as refused:
+                core.file = None
+                core.say(f"error:{refused.code} in SD file at line {number}")
+                core.say(f"error:{refused.code}")
+            core.current = None
 
     def _obey(self, line: Line) -> Task[None]:
         core = self.core

@@ -58,6 +58,8 @@ def status(core: Core, *, full: bool = False) -> str:
     if shown & PINS and (letters := pins(core)):
         fields.append(f"Pn:{letters}")
     fields += _full(core) if full and hal else _due(core, shown)
+    if core.file is not None:
+        fields.append(f"SD:{core.file.percent:.1f},{core.file.name}")
     return f"<{'|'.join(fields)}>"
 
 
@@ -200,7 +202,7 @@ def build(core: Core) -> list[str]:
         f"[VER:1.1f.20260817:{info}]",
         f"[OPT:VNML+,{blocks},{rx_bytes},{len(AXES)},0]",
         "[AXS:3:XYZ]",
-        f"[NEWOPT:ENUMS,RT+{',TC' * kind.tool_change},SED]",
+        f"[NEWOPT:ENUMS,RT+{',TC' * kind.tool_change},SED{',SD' * (kind.card is not None)}]",
         "[FIRMWARE:grblHAL]",
         "[SIGNALS:D]",
         "[NVS STORAGE:*EEPROM]",

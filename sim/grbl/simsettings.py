@@ -76,6 +76,9 @@ class SimSettings:
     dollar: Mapping[int, float] = field(default_factory=dict[int, float])
     """`$n` settings that differ from the defaults from the start."""
 
+    card: Mapping[str, str] | None = None
+    """grblHAL: the files of its SD card, their text by name; None: built without."""
+
     executed_limit: int = 0
     """Keep at least the last so many executed lines in memory; 0: all."""
 

@@ -3,10 +3,10 @@
 The one rule: a refusal is raised before anything is done, with the code that Grbl would give.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
-from sim.grbl import reports
+from sim.grbl import card, reports
 from sim.grbl.core import Core, Flag, State, Task, eeprom
 from sim.grbl.errors import Refused
 from sim.grbl.execute import gcode, jog
@@ -24,6 +24,8 @@ def dollar(core: Core, text: str) -> Task[None]:
     rest = text[1:]
     if core.kind.hal and (lines := extra_lines(core, rest)) is not None:
         _say(core, lines)
+    elif core.kind.card is not None and (rest == "F" or rest.startswith("F=")):
+        _card(core, core.kind.card, rest)
     elif rest == "":
         core.say(reports.HELP)
     elif rest[0] == "J":
@@ -56,6 +58,18 @@ def run_startup(core: Core) -> Task[None]:
 def _say(core: Core, lines: Iterable[str]) -> None:
     for line in lines:
         core.say(line)
+
+
+def _card(core: Core, files: Mapping[str, str], rest: str) -> None:
+    """The ok of a file that is run comes at once; its lines have none."""
+    if rest == "F":
+        _say(core, card.listing(files))
+        return
+    if core.state not in (State.IDLE, State.CHECK):
+        raise Refused(8)
+    core.file = card.opened(files, rest[2:], core.kind.line_limit)
+    if core.file is None:
+        raise Refused(card.NOT_FOUND)
 
 
 def _jog(core: Core, rest: str) -> Task[None]:

@@ -122,7 +122,7 @@ def test_wrong_queries_of_grbl_say_what_is_allowed(query: str, said: str) -> Non
 
 
 def test_the_keys_of_grbl_are_the_fields() -> None:
-    special = {"travel", "start_position", "probe_z", "dollar"}
+    special = {"travel", "start_position", "probe_z", "dollar", "card"}
     plain = {field.name for field in dataclasses.fields(GrblSettings)} - special
     assert plain < GRBL_KEYS
     assert {"travel_x", "start_z", "probe_z", "set_N", "loss", "seed", "baud"} < GRBL_KEYS
