@@ -8,8 +8,7 @@ over.
 import os
 import shutil
 import sqlite3
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -138,31 +137,39 @@ def _give_to(new: Path, owner: os.stat_result) -> None:
 
 def _exchange(folder: Path, new: Path, now: datetime) -> Path | None:
     """Old data aside, new data in its place; within one folder, which may be a mounted volume."""
-    aside = folder / f"{OLD}{now:%Y%m%dT%H%M%SZ}"
     old = [folder / name for name in in_the_way(folder)]
-    with _marked(folder):
-        if old:
-            aside.mkdir(mode=0o700)
-            _give_to(aside, folder.stat())
-        for path in old:
-            path.rename(aside / path.name)
-        for path in sorted(new.iterdir()):
-            path.rename(folder / path.name)
-        if old:
-            sync_folder(aside)
-    return aside if old else None
+    _mark(folder)
+    aside = _make_aside(folder, now) if old else None
+    for path in old:
+        assert aside is not None
+        path.rename(aside / path.name)
+    for path in sorted(new.iterdir()):
+        path.rename(folder / path.name)
+    if aside is not None:
+        sync_folder(aside)
+    _unmark(folder)
+    return aside
 
 
-@contextmanager
-def _marked(folder: Path) -> Iterator[None]:
-    """The mark is durable before anything is moved, and goes when everything is in its place."""
-    mark = folder / INCOMPLETE
-    mark.write_text("A restore was broken off here. Run it again: millstream restore FILE --force\n", encoding="ascii")
+def _mark(folder: Path) -> None:
+    """Durable before anything is moved: no daemon starts from here on."""
+    text = "A restore was broken off here. Run it again: millstream restore FILE --force\n"
+    (folder / INCOMPLETE).write_text(text, encoding="ascii")
     sync_folder(folder)
-    yield
+
+
+def _unmark(folder: Path) -> None:
+    """When everything is in its place, durably."""
     sync_folder(folder)
-    mark.unlink()
+    (folder / INCOMPLETE).unlink()
     sync_folder(folder)
+
+
+def _make_aside(folder: Path, now: datetime) -> Path:
+    aside = folder / f"{OLD}{now:%Y%m%dT%H%M%SZ}"
+    aside.mkdir(mode=0o700)
+    _give_to(aside, folder.stat())
+    return aside
 
 
 def _is_data(name: str) -> bool:

@@ -6,8 +6,11 @@ import zipfile
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from sqlite_utils import Database
 
 from jobs import history, store
@@ -210,3 +213,31 @@ def test_every_byte_of_a_program_is_vouched_for(data: Data, tmp_path: Path) -> N
     with opened(tmp_path / "b.zip") as (_, manifest):
         names = {one.name for one in manifest.files}
     assert names == {"millstream.db", *(f"programs/{id}{suffix}" for id in data.ids for suffix in (".nc", ".idx"))}
+
+
+@given(st.data())
+@settings(max_examples=40, deadline=None)
+def test_no_byte_can_be_changed_unseen(once: tuple[bytes, dict[str, bytes]], data: st.DataObject) -> None:
+    """Either the archive is refused, or what comes out of it is what went in."""
+    content, inside = once
+    place = data.draw(st.integers(0, len(content) - 1))
+    value = data.draw(st.integers(1, 255))
+    with TemporaryDirectory() as folder:
+        path, out = Path(folder) / "b.zip", Path(folder) / "out"
+        path.write_bytes(content[:place] + bytes([content[place] ^ value]) + content[place + 1 :])
+        try:
+            extract(path, out)
+        except ArchiveError:
+            return
+        assert {name: (out / name).read_bytes() for name in inside} == inside
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, dict[str, bytes]]:
+    """An archive and what is in it."""
+    folder = tmp_path_factory.mktemp("once")
+    Data(folder / "data").backup(folder / "b.zip")
+    manifest = extract(folder / "b.zip", folder / "out")
+    return (folder / "b.zip").read_bytes(), {
+        one.name: (folder / "out" / one.name).read_bytes() for one in manifest.files
+    }

@@ -4,6 +4,8 @@ from itertools import product
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from server.doctorask import ORDER, Answer, Talk, ask
 from sim.elvinto.settings import SimSettings
@@ -13,6 +15,18 @@ from sim.ncframe.settings import SimSettings as LatheSettings
 
 HARMLESS = (b"\x05", b"?", b"$I\n")
 STEP_S = 0.005
+ANSWERS = (
+    b"\x06",
+    b"\x06\x00\x00\x00\x07",
+    b"\x15",
+    b"ok\r\n",
+    b"<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n",
+    b"<Run|MPos:1.000,0.000,0.000|FS:0,0>\r\n",
+    b"Grbl 1.1h ['$' for help]\r\n",
+    b"[VER:1.1h.20190830:]\r\n",
+    b"READY;",
+    b"CRC16,VALUE<#864,MD5<#a1fe1328575795c2966c395eb88d2c51;READY;",
+)
 
 
 class SimLine:
@@ -149,6 +163,21 @@ def test_nobody_there_and_only_the_harmless_was_said() -> None:
     assert ask(talk) is None
     assert {data for data in talk.sent if not data.endswith(b";")} == {b"\x05", b"?"}
     assert all(data.endswith(b";READY;") for data in talk.sent if data.endswith(b";"))
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(st.binary(max_size=40) | st.sampled_from(ANSWERS), max_size=30))
+def test_whatever_comes_back_nothing_raises_and_nothing_else_is_sent(pieces: list[bytes]) -> None:
+    class Replies(Script):
+        def hear(self, seconds: float) -> bytes:
+            return pieces.pop(0) if pieces else b""
+
+    talk = Talk(Replies({}))
+    ask(talk)
+    text = [data for data in talk.sent if data not in HARMLESS]
+    assert all(data.endswith((b",ID<#1;READY;", b",ID<#1;GCODE,DATA<#W95;")) for data in text)
+    if talk.heard.startswith((b"\x15", b"\x06", b"\x13")):
+        assert text == []
 
 
 def test_noise_is_no_answer() -> None:

@@ -2,9 +2,11 @@
 
 import os
 import zipfile
+from collections.abc import Callable
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sqlite_utils import Database
@@ -17,7 +19,7 @@ from server.archive import ArchiveError
 from server.cli.common import CliError
 from server.cli.settings import sole_daemon
 from server.config import Config
-from server.restoring import INCOMPLETE, in_the_way, restore
+from server.restoring import in_the_way, restore
 from tests.harness.rows import AT, add_job
 from tests.jobs.test_journal import entry
 from tests.server.test_archive import Data
@@ -141,33 +143,49 @@ def test_nothing_of_a_backup_moves_a_machine(data: Data, target: Path, tmp_path:
         assert history.verify(db) is None
 
 
-def test_a_restore_that_was_broken_off_keeps_daemons_away(
-    data: Data, target: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+class PowerCutError(Exception):
+    """The process is gone here."""
+
+
+@pytest.mark.parametrize("cut_at", range(1, 7))
+def test_a_restore_that_was_broken_off_anywhere_loses_nothing(
+    data: Data, target: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cut_at: int
 ) -> None:
+    """Wherever the power goes: either nothing has happened, or no daemon starts until the restore was run again."""
     data.backup(tmp_path / "b.zip")
     (target / "millstream.db").write_text("the old one")
     config = Config.model_validate({"server": {"data_dir": str(target)}})
-    real, renames = Path.rename, 0
+    steps = 0
 
-    def dying(path: Path, to: Path) -> Path:
-        nonlocal renames
-        renames += 1
-        if renames == 2:
-            raise OSError("the power has gone")
-        return real(path, to)
+    def counted(real: Callable[..., Any]) -> Callable[..., Any]:
+        def step(*arguments: Any, **named: Any) -> Any:
+            nonlocal steps
+            steps += 1
+            if steps == cut_at:
+                raise PowerCutError
+            return real(*arguments, **named)
+
+        return step
 
     with monkeypatch.context() as patched:
-        patched.setattr(Path, "rename", dying)
-        with pytest.raises(OSError, match="power"):
+        # Making the mark, the folder for the old data, three renames, taking the mark away.
+        patched.setattr(restoring, "_mark", counted(restoring._mark))
+        patched.setattr(restoring, "_make_aside", counted(restoring._make_aside))
+        patched.setattr(Path, "rename", counted(Path.rename))
+        patched.setattr(restoring, "_unmark", counted(restoring._unmark))
+        with pytest.raises(PowerCutError):
             restore(tmp_path / "b.zip", target, now=NOW)
-    assert (target / INCOMPLETE).exists()
-    with pytest.raises(CliError, match="broken off"), sole_daemon(config):
-        pass
+    if cut_at == 1:
+        assert (target / "millstream.db").read_text() == "the old one"
+    else:
+        with pytest.raises(CliError, match="broken off"), sole_daemon(config):
+            pass
     with sole_daemon(config, restoring=True):
         restore(tmp_path / "b.zip", target, now=datetime(2026, 4, 1, 12, 31, tzinfo=UTC))
-    assert (target / "before-restore-20260401T123000Z" / "millstream.db").read_text() == "the old one"
+    kept = [path.read_text() for path in target.glob("before-restore-*/millstream.db") if path.stat().st_size < 100]
+    assert kept == ["the old one"]
     with sole_daemon(config):
-        assert not (target / INCOMPLETE).exists()
+        assert rows(target, "select count(*) from programs") == [(2,)]
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
