@@ -119,6 +119,10 @@ class TimelineMaker:
         """What these lines need on the link."""
         self._count(LINK_ROW, self._places(lines), seconds)
 
+    def add_rests(self, lines: Ints, seconds: Floats) -> None:
+        """How long the machine stands at these lines, beside what the planner knows of."""
+        self._count(OTHER_ROW, self._places(lines), seconds)
+
     def finish(self) -> Timeline:
         """The table. To be called once."""
         self._settle(self._planner.flush())

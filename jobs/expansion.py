@@ -20,6 +20,7 @@ from gcode.interpret import Reading, segments_of
 from gcode.lines import pieces
 from gcode.motion import Motion
 from gcode.ncframe.check import check_expandable, check_frames, check_frames_source
+from gcode.ncframe.motion import motion_of_frames
 from gcode.ncframe.rules import FrameRules, profile_for
 from gcode.profile import Profile
 from gcode.segments import Segments
@@ -82,23 +83,37 @@ def motion_of(
     limits: Limits | None = None,
     *,
     state: State | None = None,
+    frames: FrameRules | None = None,
 ) -> Iterator[Segments]:
     """What the program makes the axes do, expanded where it has to be; `line` of the segments are lines of the program.
-    `state` is that of the machine before.
+    `state` is that of the machine before; where `frames` are sent, it stands at 0.
 
     Raises ExpandError, UnknownProgramError, OSError, each at any time.
     """
-    if not has_to_be_expanded(programs, program_id):
+    plain = not has_to_be_expanded(programs, program_id)
+    if frames is not None:
+        yield from motion_of_frames(_lines(programs, program_id, limits, plain=plain), profile, frames)
+        return
+    if plain:
         yield from segments_of(pieces(programs.chunks(program_id), PIECE_BYTES), profile, state)
         return
-    expanded = Expander(limits=limits).expand(programs.access(program_id))
     reading = Reading(profile, state)
     first_line = 1
-    for piece in gather_numbered((each.line, each.text.encode("utf-8", "replace")) for each in expanded):
+    for piece in gather_numbered(_lines(programs, program_id, limits, plain=False)):
         columns = read_columns(piece.text, first_line)
         first_line += columns.lines
         yield reading.read(columns, line=piece.numbers)
     yield reading.finish()
+
+
+def _lines(
+    programs: ProgramStore, program_id: str, limits: Limits | None, *, plain: bool
+) -> Iterator[tuple[int, bytes]]:
+    if plain:
+        yield from programs.lines(program_id)
+        return
+    for each in Expander(limits=limits).expand(programs.access(program_id)):
+        yield each.line, each.text.encode("utf-8", "replace")
 
 
 def store_expanded(

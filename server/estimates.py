@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from gcode.lines import pieces, split_lines
 from gcode.measure import Sending, measure
-from gcode.ncframe.source import blocks_of_line
+from gcode.ncframe.motion import measure_frames
 from gcode.timeline import Timeline
 from jobs import store
 from jobs.experience import RUNS_CONSIDERED, learn
@@ -63,10 +63,9 @@ class Estimates:
 
     def _measure(self, piece: Workpiece, program: str, lines: int) -> Timeline:
         """In the worker: the whole program is read once."""
-        sending = Sending(piece.encoding, piece.convert_inches, piece.compact, piece.baud)
         chunks = self._programs.chunks(program)
-        if (frames := piece.frames) is not None:
-            # Commas and what else only the translation knows; several blocks of a line are measured as one.
-            blocks = (blocks_of_line(raw, frames.semicolon) for raw in split_lines(chunks))
-            chunks = (b" ".join(each) + b"\n" for each in blocks)
+        if piece.frames is not None:
+            numbered = enumerate(split_lines(chunks), 1)
+            return measure_frames(numbered, piece.profile, piece.motion, piece.frames, lines, turn_s=piece.turn_s)
+        sending = Sending(piece.encoding, piece.convert_inches, piece.compact, piece.baud)
         return measure(pieces(chunks, PIECE_BYTES), piece.profile, piece.motion, lines, sending)

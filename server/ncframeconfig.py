@@ -137,6 +137,12 @@ class NcFrameConfig(Section):
         """One batch at a time; it holds and stops behind each frame. What was executed only the count tells."""
         return Delivery(remembers=self.counter, holds=True, locates=False)
 
+    @property
+    def turn_bytes(self) -> int:
+        """What goes over the link for a usual frame before the next one can go: head, X, Z and the check, the answer,
+        and where every frame is counted the question with its answer."""
+        return 7 + (self.check != "none") + 1 + (6 if self.counter else 0)
+
     def limits(self) -> BatchLimits:
         """The bounds of a batch. A pause does not wait for its end; it is a row of the journal."""
         return BatchLimits(

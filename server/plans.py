@@ -11,6 +11,7 @@ from itertools import islice
 from typing import Any
 
 from gcode.check import CheckOptions
+from gcode.check.link import BITS_A_BYTE
 from gcode.held import Held
 from gcode.interpreter import power_on
 from gcode.motion import Motion
@@ -62,6 +63,8 @@ class Workpiece:
     """Of a serial port; a network has no rate to hold a program against."""
     frames: FrameRules | None = None
     """Of a machine that reads no G-code: how its programs are worked out (frameplans.py)."""
+    turn_s: float = 0.0
+    """What a frame and its answers take on the link, while the machine stands; 0 where its rate is not known."""
     reentry: ReentryConfig | None = None
     """Of a controller that says what it holds and forgets it at a reset: its jobs are taken up by a plan. None: others
     are told their modes again, and go on from where they stand."""
@@ -91,6 +94,7 @@ class Workpiece:
             dialect.encoding,
             None if frames is not None or config.port.startswith(RATELESS) else config.baud,
             frames,
+            _turn_s(config),
             config.reentry if "modal" in VERBS[config.protocol].capabilities else None,
             tools,
         )
@@ -229,9 +233,9 @@ class Planning:
             return report.to_json()
         return check_stored(self._programs, program, piece.profile, piece.motion, options).to_json()
 
-    def motion_of(self, program: str, profile: Profile) -> Iterator[Segments]:
+    def motion_of(self, program: str, profile: Profile, frames: FrameRules | None = None) -> Iterator[Segments]:
         """What the program makes the axes do, to be drawn: as if it began at its zero, docs/toolpath.md."""
-        return motion_of(self._programs, program, profile, state=_at_zero(profile))
+        return motion_of(self._programs, program, profile, state=_at_zero(profile), frames=frames)
 
     def _planner(
         self,
@@ -257,6 +261,12 @@ class Planning:
             held=held,
             tools=piece.tools,
         )
+
+
+def _turn_s(config: MachineConfig) -> float:
+    if not isinstance(config.dialect, NcFrameConfig) or config.port.startswith(RATELESS):
+        return 0.0
+    return config.dialect.turn_bytes * BITS_A_BYTE / config.baud
 
 
 def _tool_blocks(config: MachineConfig) -> ToolBlocks | None:

@@ -27,7 +27,7 @@ from server.dbthread import Db
 from server.hub import Hub
 from server.plans import Planning, Workpiece
 from server.problems import ProblemError
-from server.toolpaths import Toolpath, Toolpaths
+from server.toolpaths import Reader, Toolpath, Toolpaths
 from server.worker import Worker
 
 LISTED = 1000
@@ -188,14 +188,16 @@ class ProgramService:
         self, program_id: str, *, machine: str | None = None, profile: str | None = None, level: int = 0
     ) -> "Drawing":
         """The drawing as a machine or a profile understands the program. Raises ProblemError."""
-        shared = {piece.profile.name for piece in self._pieces.values()}
         if machine is None and profile is None:
-            if len(shared) != 1:
+            readers = {(reader := Reader(piece.profile, piece.frames)).name: reader for piece in self._pieces.values()}
+            if len(readers) != 1:
                 raise ProblemError("invalid_request", "Name the `machine` or the `profile` that the program is for.")
-            (profile,) = shared
-        piece, _ = self._piece(machine, profile)
+            (reader,) = readers.values()
+        else:
+            piece, _ = self._piece(machine, profile)
+            reader = Reader(piece.profile, piece.frames)
         await self.get(program_id)
-        return Drawing(self._toolpaths.get(program_id, piece.profile, level))
+        return Drawing(self._toolpaths.get(program_id, reader, level))
 
     async def delete(self, program_id: str) -> None:
         """Forget a program. Raises ProblemError while a job needs it."""

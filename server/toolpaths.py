@@ -1,6 +1,6 @@
-"""The drawings of programs on disk: made once for each content and profile, given out level by level.
+"""The drawings of programs on disk: made once for each content and reader, given out level by level.
 
-Not the format (gcode/toolpath.py). `<sha256>.<profile>.<version>.toolpath` lies beside the program and holds the head
+Not the format (gcode/toolpath.py). `<sha256>.<reader>.<version>.toolpath` lies beside the program and holds the head
 and all levels; together they have a limit, and what nobody has asked for the longest goes first. The one rule: a file
 under its final name is complete; who asks while it is made waits for the one making.
 """
@@ -12,10 +12,12 @@ import secrets
 import shutil
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import BinaryIO
 
+from gcode.ncframe.rules import FrameRules
 from gcode.profile import Profile
 from gcode.segments import Segments
 from gcode.toolpath import (
@@ -39,8 +41,23 @@ MAX_TOTAL_BYTES = 2_000_000_000
 READ_BYTES = 262_144
 """At a time, on the way to a client."""
 
-SegmentsOf = Callable[[str, Profile], Iterator[Segments]]
+SegmentsOf = Callable[[str, Profile, FrameRules | None], Iterator[Segments]]
 """The motion of a program, by its id. Raises UnknownProgramError."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """How a program is read; `frames` by a machine that gets NC frames, whose tools and modes are the machine's own."""
+
+    profile: Profile
+    frames: FrameRules | None = None
+
+    @property
+    def name(self) -> str:
+        """One of its own for each way of reading."""
+        if self.frames is None:
+            return self.profile.name
+        return f"{self.profile.name}-{hashlib.sha256(repr(self.frames).encode()).hexdigest()[:8]}"
 
 
 def version_tag() -> str:
@@ -51,16 +68,16 @@ def version_tag() -> str:
 class Toolpath:
     """One level of one drawing. `etag` is known before anything is made; `open` makes it if need be."""
 
-    def __init__(self, toolpaths: "Toolpaths", program_id: str, profile: Profile, level: int) -> None:
+    def __init__(self, toolpaths: "Toolpaths", program_id: str, reader: Reader, level: int) -> None:
         self._toolpaths = toolpaths
         self._program_id = program_id
-        self._profile = profile
+        self._reader = reader
         self._level = level
-        self.etag = f'"{program_id[:32]}-{profile.name}-{toolpaths.tag}-{level}"'
+        self.etag = f'"{program_id[:32]}-{reader.name}-{toolpaths.tag}-{level}"'
 
     async def open(self) -> tuple[int, AsyncIterator[bytes]]:
         """How many bytes it has, and the bytes. Raises ProblemError, UnknownProgramError, OSError."""
-        return await self._toolpaths.open(self._program_id, self._profile, self._level)
+        return await self._toolpaths.open(self._program_id, self._reader, self._level)
 
 
 class Toolpaths:
@@ -77,28 +94,28 @@ class Toolpaths:
             if program_id not in programs or not path.name.endswith(f".{self.tag}{SUFFIX}"):
                 path.unlink(missing_ok=True)
 
-    def get(self, program_id: str, profile: Profile, level: int) -> Toolpath:
+    def get(self, program_id: str, reader: Reader, level: int) -> Toolpath:
         """A level of the drawing of a program, or the coarsest that there is."""
-        return Toolpath(self, program_id, profile, level)
+        return Toolpath(self, program_id, reader, level)
 
-    async def open(self, program_id: str, profile: Profile, level: int) -> tuple[int, AsyncIterator[bytes]]:
+    async def open(self, program_id: str, reader: Reader, level: int) -> tuple[int, AsyncIterator[bytes]]:
         """See Toolpath.open."""
-        path = self._programs.beside(program_id, f".{profile.name}.{self.tag}{SUFFIX}")
+        path = self._programs.beside(program_id, f".{reader.name}.{self.tag}{SUFFIX}")
         while True:
             # Only the name is looked up here; the file may be on a slow disk.
-            await self._made(path, program_id, profile)
+            await self._made(path, program_id, reader)
             with suppress(FileNotFoundError):
                 head, file, length = await self._files.run(_open_level, path, level)
                 return len(head) + length, self._chunks(head, file, length)
 
-    async def _made(self, path: Path, program_id: str, profile: Profile) -> None:
+    async def _made(self, path: Path, program_id: str, reader: Reader) -> None:
         making = self._making.get(path)
         if making is None:
             if await self._files.run(path.is_file):
                 return
             making = self._making.get(path)
         if making is None:
-            making = asyncio.ensure_future(self._maker.run(self._make, path, program_id, profile))
+            making = asyncio.ensure_future(self._maker.run(self._make, path, program_id, reader))
             self._making[path] = making
             making.add_done_callback(lambda done: self._forget(path, done))
         # Who goes away does not end it for the others.
@@ -123,11 +140,11 @@ class Toolpaths:
 
     # --- in the worker ------------------------------------------------------------------------------------------
 
-    def _make(self, path: Path, program_id: str, profile: Profile) -> None:
+    def _make(self, path: Path, program_id: str, reader: Reader) -> None:
         stem = secrets.token_hex(8)
         parts = [path.with_name(f"{stem}.{number}{SUFFIX}.part") for number in range(MAX_LEVEL + 2)]
         try:
-            self._draw(parts, program_id, profile)
+            self._draw(parts, program_id, reader)
             parts[-1].replace(path)
             self._make_room(path)
         except ToolpathTooLongError as error:
@@ -152,12 +169,12 @@ class Toolpaths:
             if older and total > MAX_TOTAL_BYTES:
                 path.unlink(missing_ok=True)
 
-    def _draw(self, parts: list[Path], program_id: str, profile: Profile) -> None:
+    def _draw(self, parts: list[Path], program_id: str, reader: Reader) -> None:
         """The levels into a file each, as they come, then all into the last."""
-        encoder = ToolpathEncoder("".join(profile.axes).upper())
+        encoder = ToolpathEncoder("".join(reader.profile.axes).upper())
         with ExitStack() as stack:
             rungs = [stack.enter_context(part.open("w+b")) for part in parts[:-1]]
-            for segments in self._segments_of(program_id, profile):
+            for segments in self._segments_of(program_id, reader.profile, reader.frames):
                 for rung, data in encoder.add(segments):
                     rungs[rung].write(data)
             for rung, data in encoder.finish():

@@ -87,9 +87,11 @@ class BlockWriter:
 
     def write(self, pending: Pending) -> list[Frame]:
         """Its frames, when all of its rows have come."""
-        rows = pending.rows
+        rows, before = pending.rows, self._offset.applied
         if not self._offset.apply(pending.values, [row.kind for row in rows]):
             pending.note("compensation", "the tool's offset begins and ends with a straight move, not with an arc")
+        if any(before) or any(self._offset.applied):
+            pending.rows = self._moved(rows, before)
         codes = [code for code in pending.codes if code.name.startswith("M")]
         frames = self._around(pending, codes) if codes else self._motion(pending, None) or self._still(pending)
         for frame in frames:
@@ -185,13 +187,13 @@ class BlockWriter:
         if row.kind in (CW, CCW):
             yield from self._arc(pending, row, g)
             return
-        yield _Steps(g, self._advance(self._shifted(row.end)))
+        yield _Steps(g, self._advance(row.end))
 
     def _arc(self, pending: Pending, row: Row, g: int) -> Iterator["_Steps"]:
         centre = self._centre(pending, row)
         if centre is None:
             return
-        start, end = self._shifted(row.start), self._shifted(row.end)
+        start, end = row.start, row.end
         first, second = complex(start[self._z], start[self._x]), complex(end[self._z], end[self._x])
         for piece in pieces(self._lattice, first, second, first + centre, clockwise=row.kind == CW):
             place = list(end)
@@ -227,10 +229,15 @@ class BlockWriter:
             return None
         return centre
 
-    def _shifted(self, place: Sequence[float]) -> list[float]:
-        return [value + added for value, added in zip(place, self._offset.applied, strict=True)]
+    def _moved(self, rows: list[Row], begin: Sequence[float]) -> list[Row]:
+        """With what "offset" adds: the first of them from what was added before the block."""
+        moved = []
+        for row in rows:
+            moved.append(row._replace(start=_sum(row.start, begin), end=_sum(row.end, self._offset.applied)))
+            begin = self._offset.applied
+        return moved
 
-    def _advance(self, place: list[float]) -> tuple[int, int]:
+    def _advance(self, place: Sequence[float]) -> tuple[int, int]:
         """The increments of X and Z to the count nearest to this place."""
         before, self.counts = self.counts, [self._lattice.counts(value) for value in place]
         return self.counts[self._x] - before[self._x], self.counts[self._z] - before[self._z]
@@ -294,6 +301,10 @@ class _Steps:
     way: tuple[int, int]
     r: int | None = None
     share: float = 1.0
+
+
+def _sum(place: Sequence[float], added: Sequence[float]) -> list[float]:
+    return [value + more for value, more in zip(place, added, strict=True)]
 
 
 def _number(code: Code) -> int:

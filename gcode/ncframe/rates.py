@@ -44,6 +44,18 @@ def feeds_have_bytes(feed_mm_min: Floats, rules: FrameRules) -> Bools:
     return found
 
 
+def feeds_of_bytes(feed_mm_min: Floats, rules: FrameRules) -> Floats:
+    """The feed that the machine goes at when a program says these; as they are where there is no byte for them."""
+    if rules.feed_table_mm_min:
+        table = np.array(sorted({0.0, *rules.feed_table_mm_min}))
+        at = np.searchsorted(table, feed_mm_min * (1 + _ROUNDING), side="right") - 1
+        found = table[np.clip(at, 0, len(table) - 1)]
+    else:
+        found = np.rint(feed_mm_min / rules.feed_unit_mm_min) * rules.feed_unit_mm_min
+    feeds: Floats = np.where(feeds_have_bytes(feed_mm_min, rules), found, feed_mm_min)
+    return feeds
+
+
 def speed_byte(speed: float, rules: FrameRules) -> int:
     """The S of a speed in rpm, or of a step number. Raises RateError."""
     if not 0.0 <= speed <= rules.highest_speed * (1 + _ROUNDING):

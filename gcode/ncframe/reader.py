@@ -13,6 +13,7 @@ import numpy as np
 
 from gcode.motion import Motion
 from gcode.ncframe.frame import Frame, Stop
+from gcode.ncframe.rates import feeds_of_bytes
 from gcode.ncframe.rules import FrameRules
 from gcode.ncframe.source import blocks_of_line
 from gcode.ncframe.translate import Translator
@@ -216,5 +217,9 @@ class FrameReader:
             if frame.row is not None and id(frame.row) not in places:
                 places[id(frame.row)] = len(places)
                 rows.add(frame.row._replace(frame=0))
-        planned = plan(rows.take(), self._motion) if places else np.zeros(0)
+        planned = np.zeros(0)
+        if places:
+            segments = rows.take()
+            segments.feed = feeds_of_bytes(segments.feed, self._rules)
+            planned = plan(segments, self._motion)
         return [0.0 if frame.row is None else float(planned[places[id(frame.row)]]) * frame.share for frame in frames]

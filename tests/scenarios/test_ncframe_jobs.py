@@ -14,6 +14,8 @@ from server.problems import ProblemError
 from sim.ncframe.settings import SimSettings
 from tests.harness.ncworkshop import NcBench, simulated, stands
 from tests.harness.simloop import until
+from tests.harness.toolpathreader import read_toolpath
+from tests.harness.workshop import MACHINE, one_chunk
 
 STEPS = 40
 PATH = [(1000 * (i % 2), -2000 * i) for i in range(1, STEPS + 1)]
@@ -281,3 +283,27 @@ def test_modes_by_hand_are_not_those_of_the_job_nor_the_other_way_round(tmp_path
         assert bench.machine.position == (0, -7000)
 
     simulated(tmp_path, story)
+
+
+OFFSET = b"G21,G90,F240;G41 G1 X10 Z-10,LF\nZ-40;X30\nG40 G1 X0 Z0\nM30\n"
+"""As the source prints programs; 2 mm are added to X and to Z from the first move on."""
+
+
+def test_the_drawing_and_the_estimate_are_of_what_the_frames_do(tmp_path: Path) -> None:
+    async def story(bench: NcBench, shop: Workshop, lathe: Controller) -> None:
+        program, _ = await shop.programs.store(one_chunk(OFFSET), "offset.nc")
+        drawing = await shop.programs.toolpath(program["id"])
+        _, pieces = await drawing.open()
+        found = read_toolpath(b"".join([piece async for piece in pieces]))
+        drawn = [(round(x * 1000), round(z * 1000)) for x, z in found.places]
+        job = await shop.jobs.create(program["id"], MACHINE, force=True)
+        began = asyncio.get_running_loop().time()
+        await until(lambda: lathe.metrics.seconds_left() is not None, within_s=5)
+        told = lathe.metrics.seconds_left()
+        await bench.status(job["id"], "completed")
+        assert bench.path() == [(12000, -8000), (12000, -38000), (32000, -38000), (0, 0)] == drawn[-4:]
+        assert told == pytest.approx(asyncio.get_running_loop().time() - began, rel=0.1)
+        plain = await shop.programs.toolpath(program["id"], profile="ncframe-lathe")
+        assert plain.etag != drawing.etag, "a lathe with other tools has a drawing of its own"
+
+    simulated(tmp_path, story, ncframe={"compensation": "offset", "tool_radius": 2.0})

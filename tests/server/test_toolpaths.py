@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from gcode import toolpath as encoding
+from gcode.ncframe.rules import FrameRules
 from gcode.profile import Profile, load_profile
 from gcode.segments import Segments
 from jobs.program import ProgramStore, UnknownProgramError
 from server import toolpaths as serving
 from server.problems import ProblemError
-from server.toolpaths import SUFFIX, Toolpaths
+from server.toolpaths import SUFFIX, Reader, Toolpaths
 from server.worker import InlineWorker, ThreadWorker
 from tests.harness.segmentrows import through
 from tests.harness.toolpathreader import read_toolpath
@@ -43,7 +44,7 @@ class World:
         self.made = 0
         self.while_making: Callable[[], None] = lambda: None
 
-    def segments_of(self, program_id: str, profile: Profile) -> Iterator[Segments]:
+    def segments_of(self, program_id: str, profile: Profile, frames: FrameRules | None) -> Iterator[Segments]:
         if program_id not in self.store:
             raise UnknownProgramError(program_id)
         self.made += 1
@@ -63,7 +64,7 @@ class World:
 
 
 async def fetched(toolpaths: Toolpaths, program_id: str, level: int = 0) -> bytes:
-    length, chunks = await toolpaths.get(program_id, PROFILE, level).open()
+    length, chunks = await toolpaths.get(program_id, Reader(PROFILE), level).open()
     data = b"".join([chunk async for chunk in chunks])
     assert len(data) == length
     return data
@@ -95,7 +96,7 @@ def test_each_level_is_a_file_of_its_own_and_all_are_made_once(tmp_path: Path) -
 def test_the_tag_names_program_profile_and_level(tmp_path: Path) -> None:
     world = World(tmp_path)
     toolpaths = world.toolpaths()
-    tags = {toolpaths.get(program, PROFILE, level).etag for program in (world.id, "f" * 64) for level in (0, 1)}
+    tags = {toolpaths.get(program, Reader(PROFILE), level).etag for program in (world.id, "f" * 64) for level in (0, 1)}
     assert len(tags) == 4
     assert all(tag.startswith('"') and "elvinto" in tag for tag in tags)
     assert world.made == 0
@@ -178,7 +179,7 @@ def test_together_they_have_a_limit_and_the_least_asked_for_goes(
             os.utime(path, (opened_s, opened_s))
         await fetched(toolpaths, ids[0])  # not the oldest any more
         monkeypatch.setattr(serving, "MAX_TOTAL_BYTES", paths[0].stat().st_size * 3 + 10)
-        _, chunks = await toolpaths.get(ids[1], PROFILE, 0).open()
+        _, chunks = await toolpaths.get(ids[1], Reader(PROFILE), 0).open()
         first = await anext(chunks)
         os.utime(paths[1], (2000, 2000))
         await fetched(toolpaths, ids[3])
@@ -212,7 +213,7 @@ def test_who_is_reading_reads_to_the_end(tmp_path: Path) -> None:
         toolpaths = world.toolpaths()
         whole = await fetched(toolpaths, world.id)
         chunks: AsyncIterator[bytes]
-        _, chunks = await toolpaths.get(world.id, PROFILE, 0).open()
+        _, chunks = await toolpaths.get(world.id, Reader(PROFILE), 0).open()
         first = await anext(chunks)
         world.store.delete(world.id)
         assert first + b"".join([chunk async for chunk in chunks]) == whole
