@@ -8,6 +8,7 @@ over.
 import os
 import shutil
 import sqlite3
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from datetime import datetime
@@ -60,7 +61,7 @@ def restore(backup: Path, folder: Path, *, now: datetime) -> Restored:
     try:
         manifest = archive.extract(backup, new)
         (new / archive.CONFIG).unlink(missing_ok=True)
-        held = _look_over(new / archive.DATABASE, manifest, now)
+        held = _look_over(new / archive.DATABASE, manifest, now, revoked=_revoked(folder / archive.DATABASE))
         _give_to(new, owner)
         aside = _exchange(folder, new, now)
         _give_to(folder / "lock", owner)
@@ -69,8 +70,18 @@ def restore(backup: Path, folder: Path, *, now: datetime) -> Restored:
     return Restored(manifest, aside, held)
 
 
-def _look_over(database: Path, manifest: Manifest, now: datetime) -> int:
-    """Is it sound, and one of ours? Then nothing of its queue starts by itself; how many jobs that concerns."""
+def _revoked(database: Path) -> dict[str, str]:
+    """The tokens that were revoked in the data that is replaced, with the time; none where it cannot be read."""
+    try:
+        with closing(sqlite3.connect(f"{database.resolve().as_uri()}?mode=ro", uri=True)) as db:
+            return dict(db.execute("select id, revoked_at from tokens where revoked_at is not null").fetchall())
+    except sqlite3.Error:
+        return {}
+
+
+def _look_over(database: Path, manifest: Manifest, now: datetime, *, revoked: Mapping[str, str]) -> int:
+    """Is it sound, and one of ours? Then nothing of its queue starts by itself; how many jobs that concerns. Who was
+    `revoked` since it was made stays so."""
     with closing(Database(sqlite3.connect(database))) as db:
         if (damage := _damage(db)) is not None:
             raise ArchiveError(f"its database is damaged: {damage}")
@@ -80,6 +91,8 @@ def _look_over(database: Path, manifest: Manifest, now: datetime) -> int:
         prepare(db)
         with db.conn:
             held = _lay_down(db, manifest, rfc3339(now))
+            for id, at in revoked.items():
+                db.execute("update tokens set revoked_at = coalesce(revoked_at, ?) where id = ?", [at, id])
         db.execute("pragma wal_checkpoint(truncate)")
         # prepare has made it one with a log beside it; what is moved has to be one file.
         db.execute("pragma journal_mode = delete")
@@ -113,6 +126,8 @@ def _lay_down(db: Database, manifest: Manifest, at: str) -> int:
         error = JobError("cancelled_in_doubt" if cancelled else "in_doubt", why, first, last)
         store.set_status(db, row["id"], SetStatus(before, after, row["line_done"], error=error), at=at)
         ended.append(row["id"])
+    # Which tool is in the spindle is asked for anew: a wrong one would be believed.
+    db.execute("update tool_changers set tool_known = 0")
     machines = [row["machine"] for row in db.query("select distinct machine from jobs where status = 'queued'")]
     held = sum(store.hold_queue(db, machine) for machine in machines)
     data = {"version": manifest.version, "created_at": manifest.created_at, "held": held, "ended": ended}
