@@ -68,13 +68,10 @@ def test_a_first_visit_is_light(mill: Daemon, screens: Callable[..., Screen]) ->
     assert all(url.startswith((mill.url, "data:", "blob:")) for url in traffic.requests.values())
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_every_page_fits_and_is_for_fingers(
-    mill: Daemon, grbl: Daemon, screens: Callable[..., Screen], size: str
-) -> None:
+def test_every_page_fits_and_is_for_fingers(mill: Daemon, grbl: Daemon, screens: Callable[..., Screen]) -> None:
     stored = mill.http.post("/api/v1/programs?name=part.nc", content=PROGRAM).json()
-    fits(screens(mill.url, SIZES[size]), *PLACES, f"mill/programs/{stored['id']}")
-    fits(screens(grbl.url, SIZES[size]), *SETTINGS)
+    fits(screens(mill.url), *PLACES, f"mill/programs/{stored['id']}")
+    fits(screens(grbl.url), *SETTINGS)
 
 
 def fits(one: Screen, *places: str) -> None:
@@ -84,9 +81,11 @@ def fits(one: Screen, *places: str) -> None:
         expect(one.page.locator("main")).not_to_contain_text("Loading")
         if "programs/" in place:
             one.named("options").click()
-        wide = one.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-        assert wide <= 0, f"{place} is {wide} px too wide"
-        assert too_small(one.page) == [], place
+        for size, (width, height) in SIZES.items():
+            one.page.set_viewport_size({"width": width, "height": height})
+            wide = one.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+            assert wide <= 0, f"{place} is {wide} px too wide for a {size}"
+            assert too_small(one.page) == [], f"{place} on a {size}"
         assert one.page.evaluate(NAMELESS) == [], f"{place}: controls without a name"
 
 
@@ -101,15 +100,15 @@ def test_it_speaks_three_languages_and_remembers_which(person: Screen) -> None:
     assert not re.search(r"\b[a-z_]+\.[a-z_]+\b", person.page.locator("main").inner_text()), "a key without words"
 
 
-def test_light_and_dark_have_contrast(mill: Daemon, screens: Callable[..., Screen]) -> None:
+def test_light_and_dark_have_contrast_and_nobody_is_moved_who_does_not_want_to_be(person: Screen) -> None:
     for scheme in ("light", "dark"):
-        one = screens(mill.url, color_scheme=scheme)
-        one.go()
-        ground = one.page.evaluate("getComputedStyle(document.body).backgroundColor")
+        person.page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+        ground = person.page.evaluate("getComputedStyle(document.body).backgroundColor")
         dark = sum(int(part) for part in re.findall(r"\d+", ground)) < 200
         assert dark == (scheme == "dark")
         for selector in (".axes .work", ".band .word", ".button .why", "dt", "h2", ".button:not([aria-disabled=true])"):
-            assert contrast(one.page, selector) >= 4.5, f"{selector} in {scheme}"
+            assert contrast(person.page, selector) >= 4.5, f"{selector} in {scheme}"
+        assert person.page.evaluate("document.getAnimations().length") == 0
 
 
 def contrast(page: Page, selector: str) -> float:
@@ -134,15 +133,12 @@ def luminance(colour: str) -> float:
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
-def test_nobody_is_moved_who_does_not_want_to_be(mill: Daemon, screens: Callable[..., Screen]) -> None:
-    one = screens(mill.url, reduced_motion="reduce")
-    one.go()
-    assert one.page.evaluate("document.getAnimations().length") == 0
-
-
 def test_opening_and_reloading_every_page_moves_nothing(person: Screen, mill: Daemon) -> None:
     before, told = mill.get("/machines/mill/state")["position"], said_to(mill)
     for place in PLACES:
+        person.go(place)
+        expect(person.named("band")).to_be_visible()
+    for place in ("mill/tools", "mill/machine"):
         person.go(place)
         person.page.reload()
         expect(person.named("band")).to_be_visible()

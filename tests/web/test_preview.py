@@ -109,10 +109,10 @@ def test_on_a_phone_the_layers_are_those_of_the_cuts_and_the_tools_those_of_the_
     one.named("layer_high").fill("0")
     expect(low).to_contain_text("Z -4.000")
     expect(one.page.locator("[data-tool]")).to_have_text(["T1", "T2"])
+    two_fingers_bring_it_closer(one)
 
 
-def test_two_fingers_bring_it_closer(mill: Daemon, screens: Callable[..., Screen]) -> None:
-    one = opened(screens(mill.url, PHONE, has_touch=True), f"mill/programs/{stored(mill, PART)}")
+def two_fingers_bring_it_closer(one: Screen) -> None:
     view = one.named("path-view")
     view.scroll_into_view_if_needed()
     one.page.wait_for_timeout(400)
