@@ -24,6 +24,10 @@ from server.ncframeconfig import NcFrameConfig
 OpenLine = Callable[..., AbstractContextManager[Line]]
 
 SHOWN_BYTES = 300
+WORKS_ALL_THE_SAME = frozenset(
+    {("require_header", True), ("counter", True), ("firmware", "grblhal"), ("firmware", "grbl-1.1")}
+)
+"""What a controller shows that the configuration does not know of, and that is only not made use of."""
 DEFAULTS = {"elvinto": ElvintoConfig(), "grbl": GrblConfig(), "ncframe": NcFrameConfig()}
 
 
@@ -131,16 +135,19 @@ def _told(
         yield error(
             "controller",
             f"Nobody answered on {port} at {baud} baud in {' or '.join(protocols)}. {heard}",
-            "Is the controller on, the baud rate right (`--baud`), RX and TX not exchanged?",
+            "Is the controller on, the baud rate right (`--baud`), RX and TX not exchanged? "
+            "One that executes something, or is in alarm, may answer nothing.",
             **data,
         )
         return
     data |= {"protocol": answer.protocol, "says": answer.says, "dialect": dict(answer.dialect)}
     data["config"] = configuration(answer, port, baud)
-    wrong = [] if machine is None else _differences(answer, machine)
+    wrong = {} if machine is None else _differences(answer, machine)
     if wrong:
-        advice = f"Set {', '.join(wrong)} in [machine.{answer.protocol}]."
-        yield error("controller", f"It answers ({answer.says}), but not as configured.", advice, **data)
+        keys = ", ".join(f"{key} = {_toml(value)}" for key, value in wrong.items())
+        advice = f"Set {keys} in [machine.{answer.protocol}]."
+        found = warning if set(wrong.items()) <= WORKS_ALL_THE_SAME else error
+        yield found("controller", f"It answers ({answer.says}), but not as configured.", advice, **data)
     else:
         yield ok("controller", f"It answers: {answer.protocol}, {answer.says}.", **data)
     if answer.unsure:
@@ -149,11 +156,11 @@ def _told(
         )
 
 
-def _differences(answer: Answer, machine: MachineConfig) -> list[str]:
+def _differences(answer: Answer, machine: MachineConfig) -> dict[str, Any]:
     """The keys that are configured otherwise than the controller has shown itself, as they ought to be."""
     present = machine.dialect
     told = {key: value for key, value in answer.dialect.items() if key not in ("resets_on_open", *answer.unsure)}
-    return [f"{key} = {_toml(value)}" for key, value in told.items() if getattr(present, key) != value]
+    return {key: value for key, value in told.items() if getattr(present, key) != value}
 
 
 def configuration(answer: Answer, port: str, baud: int) -> str:

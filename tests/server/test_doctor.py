@@ -18,6 +18,7 @@ from server.doctorfindings import Finding, Level
 from server.doctorports import Roots
 from sim.elvinto.settings import SimSettings
 from sim.grbl.simsettings import SimSettings as GrblSettings
+from sim.ncframe.settings import SimSettings as LatheSettings
 from tests.server.test_doctorask import Script, SimLine
 
 PORT = "tcp://mill:23"
@@ -68,6 +69,24 @@ def test_a_machine_in_another_dialect_than_it_is_configured(tmp_path: Path) -> N
     (found,) = controller(patient(tmp_path, lines).examine(config(tmp_path)))
     assert found.level is Level.ERROR
     assert found.advice == "Set crc_radix = 16 in [machine.elvinto]."
+
+
+@pytest.mark.parametrize(
+    ("settings", "machine", "level"),
+    [
+        (GrblSettings(flavour="grblHAL"), {"protocol": "grbl"}, Level.WARNING),
+        (LatheSettings(counter=True), {"protocol": "ncframe", "ncframe": {"counter": False}}, Level.WARNING),
+        (LatheSettings(counter=False), {"protocol": "ncframe"}, Level.ERROR),
+        (SimSettings(), {"elvinto": {"require_header": False}}, Level.WARNING),
+        (SimSettings(header_name="CRC"), {"elvinto": {"require_header": False}}, Level.ERROR),
+    ],
+)
+def test_what_works_all_the_same_is_a_warning(
+    tmp_path: Path, settings: Any, machine: dict[str, Any], level: Level
+) -> None:
+    found, *_ = controller(patient(tmp_path, Lines(SimLine(settings))).examine(config(tmp_path, **machine)))
+    assert found.level is level
+    assert found.advice.startswith("Set ")
 
 
 def test_the_section_that_is_printed_is_one_that_the_daemon_takes(tmp_path: Path) -> None:
