@@ -310,9 +310,14 @@ class Controller(Machine):
         """Steps of a held jog that the machine may have beyond the present one."""
         return 0 if self.verbs.cancel_jog is None else 1
 
-    async def list_files(self) -> dict[str, Any]:
-        """The root folder of the SD card. Raises ProblemError."""
+    def _check_card(self) -> None:
         self.check_by_hand()
+        if "sd" not in self.capabilities:
+            raise ProblemError("not_supported", f"The controller of {self.name} has not said that it has an SD card.")
+
+    async def list_files(self) -> dict[str, Any]:
+        """What is on the SD card. Raises ProblemError."""
+        self._check_card()
         answer = self.manual.put(ListFiles)
         self.pump()
         listed = _done(await answer).only(FilesListed)
@@ -325,7 +330,9 @@ class Controller(Machine):
 
     async def run_file(self, name: str) -> None:
         """Run a program from the SD card; answers when it has begun. Raises ProblemError."""
-        self.check_by_hand()
+        self._check_card()
+        if self.verbs.hold is not None and self.state.status != "idle":
+            raise ProblemError("wrong_state", f"{self.name} is in the state {self.state.status}; it must be idle.")
         answer = self.manual.put(lambda token: RunFile(token, name))
         # Before the answer: a short program may have ended when it is read.
         self.own_program = name

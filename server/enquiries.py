@@ -213,6 +213,8 @@ class Enquiries:
             raise ProblemError("alarm_active", f"{self._name} is being stopped: the e-stop is not confirmed yet.")
         if state.pendant:
             raise ProblemError("machine_busy", f"A pendant owns {self._name} at the moment; hand it back there.")
+        if (own := self._controller.own_program) is not None:
+            raise ProblemError("machine_busy", f"{self._name} is running {own} from its SD card, and hears no line.")
         if state.status == "alarm":
             self._check_alarm(verb)
         elif state.status not in verb.states:

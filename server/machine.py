@@ -49,7 +49,7 @@ from server.recorder import Recorder, dump
 from server.serialport import Opener, Port
 from server.timing import AckTimer
 from server.toolchanger import ToolChanger
-from server.verbs import VERBS
+from server.verbs import VERBS, extras_of
 from server.views import alarm_view, said, state_view
 
 log = logging.getLogger(__name__)
@@ -108,6 +108,7 @@ class Machine:
         """The job for which the controller was put into check mode (jobmodes.py)."""
         self._jogged_at = -float("inf")
         self._ready = False
+        self._extras: tuple[str, ...] = ()
         self._last_life_at = -float("inf")
         self._state_seq = 0
         self._state_at: str | None = None
@@ -150,7 +151,7 @@ class Machine:
             "protocol": self.config.protocol,
             "port": self.config.port,
             "link": self.link_status,
-            "capabilities": list(self.verbs.capabilities),
+            "capabilities": list(self.capabilities),
             "travel": {axis: list(reach) for axis, reach in self.config.motion.travel.known().items()},
             "state": self.state_view(),
             "active_job": self.stream.active_job,
@@ -161,6 +162,11 @@ class Machine:
                 "errors": dict(self.metrics.link_errors),
             },
         }
+
+    @property
+    def capabilities(self) -> tuple[str, ...]:
+        """What its protocol has, and what this controller has said that it has besides."""
+        return (*self.verbs.capabilities, *self._extras)
 
     @property
     def program_position(self) -> Mapping[str, float]:
@@ -318,6 +324,7 @@ class Machine:
         """What changes nothing here, but people want to know."""
         if isinstance(event, FirmwareRead):
             dialect = self.config.dialect
+            self._extras = extras_of(event)
             if isinstance(dialect, GrblConfig) and (message := dialect.contradicted_by(event.flavour)) is not None:
                 self._hub.publish("log", self.name, {"level": "warning", "kind": "firmware", "message": message})
             return

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from protocol.commands import CycleStart, FeedHold, Home, Jog, JogCancel, RunBlock, SoftReset, Stop
+from protocol.events import FirmwareRead
 from server.manual import Make, MakeRealtime
 
 MakeJog = Callable[[Mapping[str, float], float], Make]
@@ -69,6 +70,12 @@ def _grbl_jog(axes: Mapping[str, float], feed: float) -> Make:
 def number(value: float) -> str:
     """Without an exponent, which no controller reads."""
     return f"{value:.4f}".rstrip("0").rstrip(".")
+
+
+def extras_of(firmware: FirmwareRead) -> tuple[str, ...]:
+    """What a controller has besides, by its own word: grblHAL's SD card, or its file system on another memory."""
+    built = set(firmware.facts.get("NEWOPT", "").split(","))
+    return ("sd",) if firmware.flavour == "grblhal" and built & {"SD", "FS"} else ()
 
 
 ELVINTO = Verbs(

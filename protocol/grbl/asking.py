@@ -13,6 +13,7 @@ from protocol.commands import (
     GrblCommand,
     Home,
     Jog,
+    ListFiles,
     ReadDescriptions,
     ReadFirmware,
     ReadModal,
@@ -20,6 +21,7 @@ from protocol.commands import (
     ReadSettings,
     ReadStartupBlocks,
     Restore,
+    RunFile,
     Sleep,
     WriteInfo,
     WriteSetting,
@@ -31,6 +33,7 @@ from protocol.events import (
     CommandFailed,
     DescriptionsRead,
     Event,
+    FilesListed,
     FirmwareRead,
     Homed,
     ModalRead,
@@ -43,6 +46,7 @@ from protocol.events import (
 from protocol.grbl.messages import (
     AxisNames,
     Fact,
+    FileListed,
     Flavour,
     Help,
     Message,
@@ -64,6 +68,10 @@ MAX_HEARD: Final = 2000
 MAX_INFO_CHARS: Final = 80
 _RESTORED: Final = {"settings": "$RST=$", "offsets": "$RST=#", "all": "$RST=*"}
 
+Asked = GrblCommand | ClearAlarm | ListFiles | RunFile
+CARD: Final = "SD"
+"""What kind of card it is nobody says."""
+
 
 @dataclass(slots=True)
 class Request:
@@ -72,7 +80,7 @@ class Request:
 
     token: int | None
     lines: tuple[str, ...]
-    command: GrblCommand | ClearAlarm | None = None
+    command: Asked | None = None
     expects: type | None = None
     needs_idle: bool = True
     in_alarm: bool = True
@@ -108,7 +116,7 @@ _QUESTIONS: Final[dict[type, tuple[tuple[str, ...], type]]] = {
 }
 
 
-def request(command: GrblCommand | ClearAlarm) -> Request:
+def request(command: Asked) -> Request:
     """The lines of a command. Raises LocalError for what the controller could not take."""
     token = command.token
     match command:
@@ -120,6 +128,10 @@ def request(command: GrblCommand | ClearAlarm) -> Request:
             return Request(token, (_jog_line(command),), command, needs_idle=False, in_alarm=False)
         case ClearAlarm() | Home() | Sleep():
             return Request(token, _machine_lines(command), command)
+        case ListFiles():
+            return Request(token, ("$F",), command, in_alarm=False)
+        case RunFile(name=name):
+            return Request(token, (f"$F=/{name.removeprefix('/')}",), command, in_alarm=False)
         case CheckMode(on=on):
             return Request(token, ("$C",), command, in_alarm=False, resets=not on)
         case Restore(what=what):
@@ -188,6 +200,8 @@ def results(asked: Request, flavour: Flavour, axes: tuple[str, ...]) -> Iterable
     elif asked.expects is StartupBlock and token is not None:
         rows = sorted((m.index, m.block) for m in heard if isinstance(m, StartupBlock))
         yield StartupBlocksRead(token, tuple(block for _, block in rows))
+    elif isinstance(asked.command, ListFiles):
+        yield FilesListed(asked.command.token, _files(heard), readable=True, card=CARD)
     elif isinstance(asked.command, Home):
         yield Homed(asked.command.axes)
     if token is not None:
@@ -223,6 +237,18 @@ def firmware(token: int | None, heard: Iterable[Message], flavour: Flavour, axes
 def named(values: tuple[float, ...], axes: tuple[str, ...]) -> dict[str, float]:
     """Coordinates by axis name."""
     return dict(zip(axes or AXES, values, strict=False))
+
+
+def refused_card(asked: Request, message: str) -> Iterable[Event]:
+    """The card cannot be listed: that is an answer too."""
+    assert asked.token is not None
+    yield FilesListed(asked.token, (), readable=False, problem=message)
+    yield CommandDone(asked.token)
+
+
+def _files(heard: Iterable[Message]) -> tuple[str, ...]:
+    """Names with their folders; folders themselves have no size."""
+    return tuple(m.path.removeprefix("/") for m in heard if isinstance(m, FileListed) and m.size_bytes is not None)
 
 
 def _offsets(token: int | None, heard: Iterable[Message], axes: tuple[str, ...]) -> OffsetsRead:

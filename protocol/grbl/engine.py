@@ -11,13 +11,11 @@ from typing import Any, Final, assert_never
 from protocol.commands import (
     AskToolChange,
     CheckMode,
-    ClearAlarm,
     Command,
     CoolantToggle,
     CycleStart,
     EmergencyStop,
     FeedHold,
-    GrblCommand,
     JogCancel,
     ListFiles,
     Locate,
@@ -212,10 +210,12 @@ class GrblEngine(Watching):
             case Locate(token=token):
                 self._locates.append((token, self._poll.asked))
                 self._poll.next_at = min(self._poll.next_at, now)
-            case ListFiles(token=token) | RunFile(token=token) | AskToolChange(token=token) | SetPosition(token=token):
-                self._emit(CommandFailed(token, None, "a Grbl has no files and no such question"))
+            case AskToolChange(token=token) | SetPosition(token=token):
+                self._emit(CommandFailed(token, None, "a Grbl has no such question"))
+            case ListFiles(token=token) | RunFile(token=token) if self._flavour != "grblhal":
+                self._emit(CommandFailed(token, None, "a Grbl 1.1 has no SD card"))
             case _:
-                assert isinstance(command, GrblCommand | ClearAlarm), "a command of the realtime lane"
+                assert isinstance(command, asking.Asked), "a command of the realtime lane"
                 self._submit_asked(command)
 
     def _submit_batch(self, batch: SendBatch) -> None:
@@ -248,7 +248,7 @@ class GrblEngine(Watching):
         else:
             self._hand.append(Errand(lines, token=token))
 
-    def _submit_asked(self, command: GrblCommand | ClearAlarm) -> None:
+    def _submit_asked(self, command: asking.Asked) -> None:
         if isinstance(command, CheckMode) and command.on == (self._status == "check"):
             self._emit(CommandDone(command.token))
             return
@@ -276,6 +276,8 @@ class GrblEngine(Watching):
         """Why a command by hand cannot be taken now. A reader never makes a job wait."""
         if self._pendant:
             return "a pendant owns the machine (MPG)"
+        if self._card.running:
+            return "the controller runs a program from its SD card"
         if self._status == "alarm" and not in_alarm:
             return "the machine is in alarm"
         if self._status == "sleep":
@@ -349,6 +351,9 @@ class GrblEngine(Watching):
     # --- what the controller says -------------------------------------------------------------------------------
 
     def _on_refusal(self, refusal: Refusal, now: float) -> None:
+        if self._card.running and self._window.empty:
+            self._emit(Announced(f"SD card: error {refusal.text or refusal.code}"))  # the next report shows the end
+            return
         self._answered(refusal.code, refusal.text, now, refused=True)
         if self._phase is Phase.READING:
             self._read_on(now)

@@ -77,6 +77,7 @@ GATES: Final[dict[str, str]] = {
     "held": "it is held (Hold, Door, M0), or was asked to",
     "refused": "a line was refused and the job's policy is to hold",
     "pendant": "MPG:1: a pendant owns the stream",
+    "card": "the controller reads a program from its SD card, and no lines",
     "tool": "a tool change is pending",
     "jogging": "a jog moves, or may (G-code would be refused with error:9)",
     "homing": "it homes or sleeps",

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal
 
-from protocol.commands import CheckMode
+from protocol.commands import CheckMode, ListFiles, RunFile
 from protocol.events import (
     Alarm,
     BatchDone,
@@ -27,6 +27,7 @@ from protocol.events import (
 from protocol.grbl import asking, codes
 from protocol.grbl.asking import Request
 from protocol.grbl.blocks import BlockCounter
+from protocol.grbl.card import CardRun
 from protocol.grbl.dialect import Dialect
 from protocol.grbl.errands import Errand, Executed
 from protocol.grbl.lane import Lane
@@ -100,6 +101,7 @@ class Traffic(ABC):
         self._jogging = False
         self._cancels: list[int] = []
         self._cancelled_at = 0
+        self._card = CardRun()
         self._tool = 0
         self._left_tool_at: int | None = None  # question number at which a tool change was ended
         self._flavour: Flavour = "grbl"
@@ -203,8 +205,8 @@ class Traffic(ABC):
 
     def _next_errand(self) -> Errand | None:
         """Whose line goes out next, when there is room for it."""
-        if (self._phase is not READY and self._phase is not READING) or self._pendant:
-            return None  # gate "pendant"
+        if (self._phase is not READY and self._phase is not READING) or self._pendant or self._card.running:
+            return None  # gates "pendant" and "card"
         if self._hand and (errand := _first_waiting(self._hand)) is not None:
             return errand if self._hand_may_go(errand) else None  # gate "by hand"
         return _first_waiting(self._batches) if self._gate() is None else None
@@ -278,12 +280,17 @@ class Traffic(ABC):
         elif refused:
             self._hand.remove(errand)
             errand.failed = True
-            self._fail(errand.token, code, codes.error(code, text))
+            if isinstance(asked.command, ListFiles):
+                self._report(asking.refused_card(asked, codes.error(code, text)))
+            else:
+                self._fail(errand.token, code, codes.error(code, text))
         elif errand.answered == len(errand.lines):
             self._hand.remove(errand)
             self._report(asking.results(asked, self._flavour, self._axes))
             if asked.resets:
                 self._restarting(now)
+            elif isinstance(asked.command, RunFile):
+                self._card.begin(self._poll.asked)
             elif isinstance(asked.command, CheckMode):
                 self._status = "check"  # known before the next report: a wish to leave it must not be taken for done
                 self._emit(StateReported("check", {}, frame="machine"))

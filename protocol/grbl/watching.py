@@ -14,6 +14,7 @@ from protocol.events import (
     OverridesChanged,
     PendantChanged,
     PinsChanged,
+    ProgramEnded,
     StateReported,
     Status,
     ToolRequested,
@@ -62,6 +63,8 @@ class Watching(Resets):
         if report.mpg is not None and report.mpg != self._pendant:
             self._pendant = report.mpg
             self._emit(PendantChanged(report.mpg))
+        if self._card.seen(report, self._poll.asked):
+            self._emit(ProgramEnded())
         self._watch_hold(report)
         # Once more where the `~` that was to end it did not arrive.
         unheard = self._left_tool_at is not None and self._poll.asked > self._left_tool_at + 1
@@ -181,6 +184,8 @@ class Watching(Resets):
 
     def _forget(self, why: str) -> None:
         self._give_up(why)
+        if self._card.end():
+            self._emit(ProgramEnded())
         super()._forget(why)
 
     def _give_up(self, why: str) -> None:
