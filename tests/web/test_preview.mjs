@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { basis, fitted, moved, turned, zoomed } from "./web/preview/eye.js";
-import { doneOf, drawingOf, framesOf, layersOf, levelWithin, MOST_LAYERS, offsetAt, toolsOf } from "./web/preview/path.js";
+import { doneOf, drawingOf, framesOf, layersOf, levelWithin, MOST_LAYERS, offsetAt, toolsOf, turningOf } from "./web/preview/path.js";
 import { beyond, reachIn, toolAt } from "./web/preview/place.js";
 
 const RAPID = 0, FEED = 1, HOMING = 5;
@@ -19,6 +19,11 @@ function path(corners) {
 }
 
 const PART = path([[5, RAPID, 1, 1], [5, RAPID, 1, 2], [-1, FEED, 1, 3], [-1, FEED, 1, 4], [5, RAPID, 1, 5], [5, HOMING, 2, 6], [-2, FEED, 2, 7], [-2, FEED, 2, 8]]);
+
+test("an axis that stands where it is turns nothing", () => {
+  const rotary = { A: Float64Array.of(0, 0, 90), B: Float64Array.of(5, 5, 5), C: Float64Array.of(NaN, NaN) };
+  assert.deepEqual(turningOf({ ...PART, rotary }), ["A"]);
+});
 
 test("cuts and rapids are apart, each in the order of the program, homing among the rapids", () => {
   const { cut, rapid } = drawingOf(PART, layersOf(PART), ALL);

@@ -1,7 +1,7 @@
 // The frame of every page: header with the machines, tabs, and the warning when the daemon is gone.
 // The rule: whoever looks sees at once whether what is shown is true now.
 
-import { html, useState } from "../lib/ui.js";
+import { html, useEffect, useRef, useState } from "../lib/ui.js";
 import { LANGUAGES, spoken, t, time } from "../lib/i18n.js";
 import { language, soundOn, theme } from "../lib/prefs.js";
 import { PAGES, route, to } from "../lib/router.js";
@@ -67,11 +67,15 @@ const TAB_ICONS = { machine: "gauge", programs: "file", jobs: "list", plots: "ch
 const NEEDS = { card: "sd", tools: "io", settings: "settings" };
 
 export function Tabs() {
-  return html`<nav class="tabs" aria-label=${t("tab.title")}>
-    ${PAGES.filter((page) => !NEEDS[page] || can(NEEDS[page])).map((page) => html`<a key=${page} href=${to(page)}
-      data-name=${`tab-${page}`}
-      aria-current=${page === route.value.page ? "page" : undefined}>
-      <${Icon} name=${TAB_ICONS[page]} /><span>${t(`tab.${page}`)}</span></a>`)}
+  const nav = useRef(/** @type {HTMLElement | null} */ (null));
+  const { page } = route.value;
+  // On a phone not all of them are in sight.
+  useEffect(() => { nav.current?.querySelector("[aria-current]")?.scrollIntoView({ block: "nearest", inline: "nearest" }); }, [page]);
+  return html`<nav ref=${nav} class="tabs" aria-label=${t("tab.title")}>
+    ${PAGES.filter((one) => !NEEDS[one] || can(NEEDS[one])).map((one) => html`<a key=${one} href=${to(one)}
+      data-name=${`tab-${one}`}
+      aria-current=${one === page ? "page" : undefined}>
+      <${Icon} name=${TAB_ICONS[one]} /><span>${t(`tab.${one}`)}</span></a>`)}
   </nav>`;
 }
 

@@ -28,6 +28,11 @@ export function toolsOf({ edges, tools }) {
   return [...found].sort((one, other) => one - other);
 }
 
+/** The rotary axes that turn; one that only has a place turns nothing. @param {import("../toolpath.js").Toolpath} path */
+export function turningOf({ rotary }) {
+  return Object.keys(rotary).filter((axis) => rotary[axis].some((/** @type {number} */ at) => !Object.is(at, rotary[axis][0])));
+}
+
 /**
  * A cut belongs to the layer of its lower end, so a plunge belongs to where it leads.
  * @param {import("../toolpath.js").Toolpath} path @returns {Layers}

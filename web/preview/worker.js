@@ -3,7 +3,7 @@
 // draws in good time.
 
 import { CHORD_MM, decodeToolpath } from "../toolpath.js";
-import { boundsOf, drawingOf, framesOf, layersOf, levelWithin, toolsOf } from "./path.js";
+import { boundsOf, drawingOf, framesOf, layersOf, levelWithin, toolsOf, turningOf } from "./path.js";
 
 /**
  * @typedef {"coarse" | "fine"} Quality
@@ -101,7 +101,7 @@ function tell({ path, layers }) {
   const { head } = path;
   page.postMessage({
     type: "facts", bounds: boundsOf(head), segments: head.segments, tools: toolsOf(path), heights: layers.heights,
-    frames: framesOf(path), turning: Object.keys(path.rotary),
+    frames: framesOf(path), turning: turningOf(path),
   });
 }
 
