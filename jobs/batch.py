@@ -52,6 +52,7 @@ class PlannedBatch:
     `seconds` is estimated. `start` and `end` hold the known axes. `barrier`: one block that travels alone.
     `tool_change`: its block has M6; `tool` is then the tool that is wanted, None where the program named none.
     `motion`: at least one block moves an axis. `lines`: that of each block; empty where they follow one another.
+    `reach_mm`: as in protocol.commands.SendBatch.
     `parts`: of a line that becomes several blocks, for each block behind which it goes on, how far it is
     (jobs/frames.py), and 0 where the line ends; empty where every line is one block. `pauses`: behind it the job stands
     still until somebody resumes it. `io`: words for the tool changer in their order, as ("T", 3), ("M", 8). `set_tool`:
@@ -75,6 +76,7 @@ class PlannedBatch:
     pauses: bool = False
     io: tuple[tuple[str, int], ...] = ()
     set_tool: int | None = None
+    reach_mm: tuple[float, ...] = ()
 
     def line_of(self, block: int) -> int:
         """The line of a block, which is counted from 0."""
@@ -101,6 +103,7 @@ class PlannedBatch:
             end=position,
             lines=tuple(each[:blocks]),
             parts=self.parts[:blocks],
+            reach_mm=self.reach_mm[:blocks],
         )
         rest = replace(
             self,
@@ -110,6 +113,7 @@ class PlannedBatch:
             start=position,
             lines=tuple(each[blocks:]),
             parts=self.parts[blocks:],
+            reach_mm=self.reach_mm[blocks:],
         )
         return first, rest
 
@@ -337,6 +341,7 @@ class BatchPlanner:
             pauses=barrier is not None and barrier.pauses,
             io=tuple([word for item in items for word in item.io]) if any(item.io for item in items) else (),
             set_tool=None if barrier is None else barrier.set_tool,
+            reach_mm=(*[item.reach_mm for item in items], *[0.0] * len(first.behind)),
         )
 
     def _position(self, place: Place) -> Position:

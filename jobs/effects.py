@@ -53,6 +53,7 @@ class Entry:
             on_error=policy.on_error,
             ignored_errors=policy.ignored_errors,
             check=policy.check,
+            reach_mm=batch.reach_mm,
         )
 
 

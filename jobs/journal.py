@@ -16,7 +16,8 @@ from jobs.effects import Entry, MarkBatch, RowStatus
 from protocol.commands import Position
 from protocol.errors import LocalError
 
-BODY_FIELDS = tuple(field.name for field in fields(PlannedBatch))
+BODY_FIELDS = tuple(field.name for field in fields(PlannedBatch) if field.name != "reach_mm")
+"""How far the blocks of an open row go is of no use any more: it says when they are done."""
 
 INSERT = """
 insert into batches (job, seq, machine, wire_id, line_from, line_to, blocks, seconds, "end", part, body, status,

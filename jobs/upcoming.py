@@ -20,7 +20,7 @@ from gcode.interpret import Reading
 from gcode.motion import Motion
 from gcode.planner import plan
 from gcode.profile import Profile
-from gcode.segments import DWELL, HOMING, Bools, Floats, Segments
+from gcode.segments import DWELL, HOMING, PROBE, Bools, Floats, Ints, Segments
 from gcode.state import State
 from gcode.words import Block, parse_block
 from gcode.writer import Writer
@@ -64,7 +64,7 @@ class Upcoming:
     """A block. `cost_s` counts against the bound of a batch: without end where the length is not known.
 
     `end`: where the machine stands behind it, program coordinates in the order of the state's axes, NaN unknown.
-    `part`, `io`: as in jobs.batch.PlannedBatch. `behind`: further blocks of the same line, which go with it.
+    `part`, `io`, `reach_mm`: as in jobs.batch.PlannedBatch. `behind`: further blocks of the same line that go with it.
     """
 
     line: int
@@ -73,6 +73,7 @@ class Upcoming:
     cost_s: float
     moves: bool
     end: tuple[float, ...]
+    reach_mm: float = 0.0
     barrier: Barrier | None = None
     tool: int | None = None
     part: int = 0
@@ -268,12 +269,13 @@ class BlockReader:
         cost_s = np.where(uncertain, inf, seconds).tolist()
         moves = (np.bincount(rows, weights=segments.kind != DWELL, minlength=count) > 0).tolist()
         places = _places(segments, begin, count, self.place)
+        reaches_mm = _reaches(segments, rows, count)
         if max(map(len, written), default=0) > self._rules.max_block_bytes:
             self._refuse_too_long(piece.lines[begin:end], written)
         found = [
-            Upcoming(line, text, seconds_of, cost_of, moves_axes, place)
-            for line, text, seconds_of, cost_of, moves_axes, place in zip(
-                piece.lines[begin:end], written, seconds.tolist(), cost_s, moves, places, strict=True
+            Upcoming(line, text, seconds_of, cost_of, moves_axes, place, reach_mm)
+            for line, text, seconds_of, cost_of, moves_axes, place, reach_mm in zip(
+                piece.lines[begin:end], written, seconds.tolist(), cost_s, moves, places, reaches_mm, strict=True
             )
             if text
         ]
@@ -394,6 +396,17 @@ def _is_uncertain(segments: Segments, blocks: Blocks) -> Bools:
         if named is not None:
             uncertain |= lost_end[row] & named.has[segments.line]
     return uncertain
+
+
+def _reaches(segments: Segments, rows: Ints, count: int) -> list[float]:
+    """How far the last segment of each row takes one of X, Y, Z; 0 where that is not known, or may come otherwise."""
+    linear = [row for axis in "XYZ" if (row := segments.row(axis)) is not None]
+    way = np.nan_to_num(np.abs(segments.way[linear]))
+    way[:, (segments.kind == DWELL) | (segments.kind == HOMING) | (segments.kind == PROBE)] = 0.0
+    reaches = np.zeros(count)
+    if linear:
+        reaches[rows] = way.max(axis=0)
+    return list(reaches.tolist())
 
 
 def _places(segments: Segments, begin: int, count: int, behind: tuple[float, ...]) -> list[tuple[float, ...]]:

@@ -26,6 +26,7 @@ class SendBatch:
     `ends_program` marks M30/M99, after which the machine forgets its ID memory (elvinto §5.6).
     `on_error`: what follows a refused block where the blocks behind it are inside already (Grbl); `ignore` holds for
     `ignored_errors`, or for every code where none is named; codes that are not ignored are held.
+    `reach_mm`: of each block how far it takes one of X, Y, Z at least, 0 where that is not known; empty: of none is it.
     `check`: for the controller's check mode and nowhere else, as every other batch is not for it (Grbl `$C`).
     """
 
@@ -38,6 +39,7 @@ class SendBatch:
     on_error: OnError = "hold"
     ignored_errors: frozenset[int] = frozenset()
     check: bool = False
+    reach_mm: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

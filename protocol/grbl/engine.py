@@ -57,7 +57,6 @@ from protocol.grbl.messages import (
     Fact,
     Message,
     Options,
-    ParserState,
     ProbeResult,
     Refusal,
     Said,
@@ -97,7 +96,6 @@ class GrblEngine(Watching):
             Options: self._on_options,
             AxisNames: self._on_axes,
             Fact: self._on_fact,
-            ParserState: lambda said, _: self._blocks.learn_modal(said.words),
             SettingValue: self._on_setting,
             Said: lambda said, _: self._emit(Announced(said.text)),
             ProbeResult: self._on_probe,
@@ -223,7 +221,7 @@ class GrblEngine(Watching):
             raise LocalError(f"batch {batch.id} is out of turn: the next ID is {self._next_id}")
         if not batch.blocks:
             raise LocalError("a batch without a line is never done")
-        errand = Errand(self._lines(batch.blocks), batch=batch)
+        errand = Errand(self._lines(batch.blocks), batch=batch, reach_mm=batch.reach_mm)
         self._next_id += 1
         # Whoever submits may not have read the news yet: it is no fault of theirs, and nothing is sent.
         if self._status == "alarm":
@@ -233,6 +231,8 @@ class GrblEngine(Watching):
         elif batch.check != (self._status == "check"):
             self._emit(BatchFailed(batch.id, "link", None, CHECK_MODE[batch.check], 0, 0))
         else:
+            if not self._batches:
+                self._executed.displaced()
             self._batches.append(errand)
 
     def _submit_blocks(self, token: int, blocks: tuple[str, ...]) -> None:

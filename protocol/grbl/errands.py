@@ -6,10 +6,12 @@ The one rule: a line counts as executed only by a proof of this file, and in ord
 
 from collections import deque
 from dataclasses import dataclass, field
+from math import inf
 from typing import TypeAlias
 
 from protocol.commands import SendBatch
 from protocol.grbl.asking import Request
+from protocol.grbl.blocks import DISPLACED_BLOCKS
 from protocol.grbl.lines import Line
 
 SEGMENTS_AHEAD = 12
@@ -19,7 +21,7 @@ buffer (Grbl 5, grblHAL 9) and would be lost with a reset."""
 
 @dataclass(slots=True, eq=False)
 class Errand:
-    """A batch of a job, blocks by hand, or a request. `lines_done` counts from the front."""
+    """A batch of a job, blocks by hand, or a request. `done` counts lines from the front."""
 
     lines: tuple[Line, ...]
     batch: SendBatch | None = None
@@ -29,6 +31,7 @@ class Errand:
     answered: int = 0
     done: int = 0
     failed: bool = False
+    reach_mm: tuple[float, ...] = ()
 
     @property
     def waiting(self) -> bool:
@@ -46,7 +49,7 @@ class Executed:
     """Acknowledged lines of programs whose execution is not proven yet, oldest first."""
 
     count: int = 0  # lines ever acknowledged
-    blocks: int = 0  # certain blocks ever planned
+    blocks: int = 0  # certain blocks ever planned, less those that may be none after all
     _open: deque[_Acknowledged] = field(default_factory=deque)
 
     @property
@@ -62,11 +65,15 @@ class Executed:
         self.count = number = self.count + 1
         self.blocks = blocks = self.blocks + certain
         self._open.append((errand, number, inert, blocks))
-        return self._take(number if rests else 0, -1 if planner is None else blocks - planner - SEGMENTS_AHEAD)
+        return self._take(number if rests else 0, -inf if planner is None else blocks - planner - SEGMENTS_AHEAD)
+
+    def displaced(self) -> None:
+        """The controller may not stand where the plan believes: some lines that go somewhere may go nowhere."""
+        self.blocks -= DISPLACED_BLOCKS
 
     def at_rest(self, number: int) -> list[Errand]:
         """The machine stood with an empty planner after line `number` was acknowledged."""
-        return self._take(number, -1)
+        return self._take(number, -inf)
 
     def in_planner(self, blocks: int) -> list[Errand]:
         """No more than so many blocks are in the planner: what lies further back than these, and than the segments that
@@ -77,7 +84,7 @@ class Executed:
         """What is open now will never be known."""
         self._open.clear()
 
-    def _take(self, number: int, blocks: int) -> list[Errand]:
+    def _take(self, number: int, blocks: float) -> list[Errand]:
         """Every line up to `number` is executed, and every one with no more than `blocks` certain blocks up to it, and
         the inert lines right behind; the errands that have come to their end with that."""
         ended: list[Errand] = []

@@ -5,7 +5,7 @@ verified. The one rule: a line that could press a real-time key, or be two lines
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from protocol.errors import LocalError, MessageTooLongError
@@ -16,10 +16,9 @@ WORD: Final = re.compile(rf"([A-Z])({_NUMBER})")
 _PROGRAM: Final = re.compile(rf"/?(?:[A-Z]{_NUMBER})+")
 
 # What nearly all lines of a program are: a motion and where it goes. These are read by the quickest way there is.
-_MOVE: Final = rf"(?:G0?[0-3])?(?:F{_NUMBER})?[XYZIJKR]{_NUMBER}(?:[XYZFIJKR]{_NUMBER})*+"
+# What nearly all lines of a program are: a motion and where it goes. These are told by the quickest way there is.
+_MOVE: Final = r"(?:G0?[0-3](?=[FXYZIJKR])|(?=[XYZIJKR]))[-+.0-9XYZFIJKR]++"
 _MOVES: Final = re.compile(rf"{_MOVE}(?:\n{_MOVE})*+")
-_BLANK_LETTERS: Final = bytes.maketrans(b"XYZFGIJKR", b"         ")
-_NUMBER_CHARS: Final = b"-+.0123456789"
 
 # grbl II.4: interrupts are off while the EEPROM is written, and incoming bytes may be lost.
 _EEPROM_GCODES: Final = frozenset({10.0, 28.1, 30.1})
@@ -35,19 +34,23 @@ _INERT_GCODES: Final = frozenset(
 _INERT_MCODES: Final = frozenset({3.0, 4.0, 5.0, 7.0, 8.0, 9.0})
 
 
+# Words with which a line still goes as far as it was planned to: no origin is set, no way of the controller's own.
+_STEADY_GCODES: Final = frozenset(
+    {0.0, 1.0, 2.0, 3.0, 4.0, 17.0, 18.0, 19.0, 20.0, 21.0, 40.0, 61.0, 80.0, 90.0, 91.0, 91.1, 93.0, 94.0}
+)
+
 Words = list[tuple[str, float]]
 """Letters and numbers, in order."""
 
 
 class Line(NamedTuple):
-    """`alone`: nothing else may be in the controller while it is there. `syncs`: its ok proves that
-    everything up to it is executed. `inert`: it makes no motion. `dwell_s`: so long it may stay without an answer in
-    Idle. `words`: None where it is no plain G-code. `move`: it has the words of a motion G0-G3 and F, no others."""
+    """`steady`: it takes the axes as far as it was planned to. `alone`: nothing else may be in the controller while it
+    is there. `syncs`: its ok proves that everything up to it is executed. `inert`: it makes no motion. `dwell_s`: so
+    long it may stay without an answer in Idle."""
 
     text: str
     data: bytes
-    words: Words | None = None
-    move: bool = False
+    steady: bool = False
     alone: bool = False
     syncs: bool = False
     inert: bool = False
@@ -70,27 +73,22 @@ def read_lines(texts: Sequence[str], line_chars: int) -> tuple[Line, ...]:
     """Classify lines. Raises LocalError for one that must never be sent, MessageTooLongError for one too long."""
     together = "\n".join(texts)
     if (
-        _MOVES.fullmatch(together)
-        and max(map(len, texts)) <= line_chars
-        and together.count("\n") < len(texts)  # none of them is two
+        not _MOVES.fullmatch(together)
+        or max(map(len, texts)) > line_chars
+        or together.count("\n") >= len(texts)  # one of them is two
     ):
-        return tuple(_moves(together.encode("ascii")))
-    return tuple([read_line(text, line_chars) for text in texts])
-
-
-def _moves(data: bytes) -> Iterator[Line]:
-    """Lines that have one or none of G0-G3, a word of a place, and perhaps F: the quickest way, for nearly all are."""
-    values = map(float, data.translate(_BLANK_LETTERS).split())
-    texts, letters = data.decode("ascii").split("\n"), data.translate(None, _NUMBER_CHARS).decode("ascii").split("\n")
-    for text, line, named in zip(texts, data.split(b"\n"), letters, strict=True):
-        words = [*zip(named, values)]  # noqa: B905 - as many values as there are letters
-        yield _MAKE(Line, (text, line + b"\n", words, True, False, False, False, 0.0, None))
+        return tuple([read_line(text, line_chars) for text in texts])
+    rows = together.encode("ascii").split(b"\n")
+    return tuple(
+        [
+            _MAKE(Line, (text, row + b"\n", True, False, False, False, 0.0, None))
+            for text, row in zip(texts, rows, strict=True)
+        ]
+    )
 
 
 def read_line(text: str, line_chars: int) -> Line:
     """Classify a line. Raises LocalError for one that must never be sent, MessageTooLongError for one too long."""
-    if len(text) <= line_chars and _MOVES.fullmatch(text) and "\n" not in text:
-        return next(_moves(text.encode("ascii")))
     wrong = next((c for c in text if ord(c) > 0xFF or acts_anywhere(ord(c))), None)
     if wrong is not None:
         raise LocalError(f"a line may not hold {wrong!r}: the controller would act on it or break the line")
@@ -111,7 +109,7 @@ def read_line(text: str, line_chars: int) -> Line:
     return Line(
         text,
         data,
-        words,
+        steady=gcodes <= _STEADY_GCODES and mcodes <= _INERT_MCODES and letters <= set("GMXYZABCUVWIJKRFSTPN"),
         alone=bool(gcodes & _EEPROM_GCODES),
         syncs=bool(gcodes & _SYNC_GCODES or mcodes & _SYNC_MCODES),
         inert=letters <= set("GMFSTN") and gcodes <= _INERT_GCODES and mcodes <= _INERT_MCODES,

@@ -233,7 +233,6 @@ class Resets(Traffic):
                 window.clear()
         self._by_hand = None
         self._executed.clear()
-        self._blocks.forget()
         self._held_at, self._refused, self._jogging = None, False, False
         for token in self._cancels:
             self._emit(CommandDone(token))

@@ -287,6 +287,8 @@ class Traffic(ABC):
         elif errand.answered == len(errand.lines):
             self._hand.remove(errand)
             self._report(asking.results(asked, self._flavour, self._axes))
+            if asked.jog or asked.homing:
+                self._executed.displaced()
             if asked.resets:
                 self._restarting(now)
             elif isinstance(asked.command, RunFile):
@@ -300,8 +302,12 @@ class Traffic(ABC):
             self._emit(event)
 
     def _block_answered(self, entry: Entry, code: int | None, text: str, now: float, *, refused: bool) -> None:
-        errand, _, line = entry
-        certain = not refused and self._blocks.certain(line)
+        errand, index, line = entry
+        reach_mm, certain = errand.reach_mm, False
+        if refused or not line.steady or errand.batch is None:
+            self._executed.displaced()
+        elif reach_mm:
+            certain = reach_mm[index] >= self._blocks.least_mm
         rests = (line.syncs and not refused) or self._status == "check"
         ended = self._executed.acknowledged(
             errand, inert=refused or line.inert, certain=certain, rests=rests, planner=self._planner_blocks

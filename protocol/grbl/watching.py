@@ -62,6 +62,7 @@ class Watching(Resets):
             self._raise_alarm()
         if report.mpg is not None and report.mpg != self._pendant:
             self._pendant = report.mpg
+            self._executed.displaced()
             self._emit(PendantChanged(report.mpg))
         if self._card.seen(report, self._poll.asked):
             self._emit(ProgramEnded())

@@ -27,6 +27,7 @@ from sim.faults import FaultRates, HostileWire
 from sim.grbl.events import BytesLost, SimEvent
 from sim.grbl.machine import VirtualGrbl
 from sim.grbl.simsettings import SimSettings
+from tests.harness.reach import Reaches
 
 TIME_LIMIT_S = 3600.0
 
@@ -61,6 +62,7 @@ class GrblPair:
         self.over = False
         self._todo = sorted(self.at, key=lambda item: item[0])
         self._token = 0
+        self._reaches = Reaches()
 
     # --- the loop -----------------------------------------------------------------------------------------------
 
@@ -117,7 +119,9 @@ class GrblPair:
         while self.submitted < len(self.program) and self.engine.free() and not self.failed and not self.over:
             blocks = self.program[self.submitted]
             self.submitted += 1
-            self.engine.submit(SendBatch(self.engine.next_id, blocks, 1.0, on_error=self.on_error), self.now)
+            reach_mm = self._reaches.of(blocks)
+            batch = SendBatch(self.engine.next_id, blocks, 1.0, on_error=self.on_error, reach_mm=reach_mm)
+            self.engine.submit(batch, self.now)
 
     def _handle(self, event: Event) -> None:
         self.events.append((self.now, event))

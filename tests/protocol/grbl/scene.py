@@ -7,6 +7,7 @@ from protocol.engine import OpenWork
 from protocol.events import Event
 from protocol.grbl.dialect import Dialect
 from protocol.grbl.engine import GrblEngine
+from tests.harness.reach import Reaches
 
 BANNER = "Grbl 1.1h ['$' for help]"
 T = TypeVar("T")
@@ -19,6 +20,7 @@ class Scene:
         self.now = 0.0
         self.engine = GrblEngine(dialect or Dialect(resets_on_open=False), first_id=1, now=0.0, open_work=open_work)
         self.log: list[Event] = []
+        self.reaches = Reaches()
 
     def say(self, *lines: str) -> bytes:
         """Lines of the controller; answers what the engine sends then."""
@@ -58,7 +60,7 @@ class Scene:
 
     def batch(self, *blocks: str, **more: Any) -> int:
         id = self.engine.next_id
-        self.engine.submit(SendBatch(id, blocks, 1.0, **more), self.now)
+        self.engine.submit(SendBatch(id, blocks, 1.0, reach_mm=self.reaches.of(blocks), **more), self.now)
         return id
 
     def shake_hands(self, *, opt: str = "[OPT:V,15,128]", idle: str = "<Idle|MPos:0.000,0.000,0.000|FS:0,0>") -> None:
@@ -69,7 +71,7 @@ class Scene:
         self.say("[HLP:$$]", "ok")
         self.say("[GC:G1 G54 G17 G21 G90 G94 M5 M9 T0 F0 S0]", "ok")
         self.say("[G54:0.000,0.000,0.000]", "[PRB:0.000,0.000,0.000:0]", "ok")
-        self.say("$13=0", "$100=100.000", "$101=100.000", "$102=junk", "ok")
+        self.say("$13=0", "$100=100.000", "$101=100.000", "$102=100.000", "ok")
         self.sent()
 
 

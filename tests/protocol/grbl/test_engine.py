@@ -1,7 +1,7 @@
 """The engine against a controller played by hand: the rules of grbl Part I and the traps of Part II as short scenes."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from protocol.commands import (
@@ -962,6 +962,7 @@ class TestByHand:
 
 
 class TestAnything:
+    @settings(deadline=None)
     @given(st.lists(st.binary(max_size=60) | st.sampled_from([b"ok\r\n", b"error:9\r\n", b"ALARM:1\r\n"]), max_size=30))
     def test_any_bytes_raise_nothing(self, pieces: list[bytes]) -> None:
         scene = ready()
@@ -970,6 +971,7 @@ class TestAnything:
             scene.engine.receive_data(piece, scene.now)
             scene.wait(0.05)
 
+    @settings(deadline=None)
     @given(
         st.lists(
             st.sampled_from(

@@ -1,10 +1,14 @@
 """What of a line matters to the stream (grbl II.1, II.4), and which lines certainly make a block."""
 
+from math import inf
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from protocol.errors import LocalError, MessageTooLongError
 from protocol.grbl.blocks import BlockCounter
-from protocol.grbl.lines import read_line, words_of
+from protocol.grbl.lines import read_line, read_lines, words_of
 
 
 @pytest.mark.parametrize("text", ["G1X1?", "G1!", "~", "G1\nX1", "G1\r", "(„)", "\x18", "G1\xa0", "", "  ", "\x9e"])
@@ -73,76 +77,72 @@ def test_words() -> None:
     assert words_of("G1X") is None
 
 
+MOVES = st.from_regex(r"(G0?[0-3])?(X-?[0-9]{1,3}(\.[0-9]{0,3})?)(Y[0-9]{1,2})?(F[0-9]{1,4})?", fullmatch=True)
+OTHERS = st.sampled_from(
+    ("G1", "F500", "G4P1", "G10L2P1X0", "G1M3X1", "X1S500", "$J=X1F1", "G28", "G91", "T1M6", "M30")
+)
+
+
+@given(st.lists(MOVES | OTHERS, max_size=8))
+def test_lines_read_together_are_what_each_is_alone(texts: list[str]) -> None:
+    assert read_lines(texts, 79) == tuple(read_line(text, 79) for text in texts)
+
+
+@pytest.mark.parametrize("text", ["X1\nX2", "X1\n", "X1?", "X1!", "", "x1\x18", "X1\u00ff"])
+def test_no_line_among_others_is_two_or_presses_a_key(text: str) -> None:
+    with pytest.raises(LocalError):
+        read_lines(["X1", text, "X3"], 79)
+    with pytest.raises(LocalError):
+        read_lines([text], 79)
+
+
+def test_a_line_that_is_too_long_among_others() -> None:
+    with pytest.raises(MessageTooLongError):
+        read_lines(["X1", "X" + "1" * 79], 79)
+
+
 @pytest.mark.parametrize(
-    ("text", "move"),
+    ("text", "steady"),
     [
         ("X1", True),
         ("G1X-1.5Y.2F500", True),
-        ("G02X1I5J-1", True),
-        ("G1 X1", False),  # read in full
-        ("G1", False),
-        ("F500", False),
-        ("G4X1", False),
-        ("G10X1", False),
-        ("G1M3X1", False),
-        ("X1S500", False),
+        ("N10G90G21G1X1S500", True),
+        ("M8", True),
+        ("G4P1", True),
+        ("G92X0", False),
+        ("G54", False),
+        ("G28", False),
+        ("G53G0X5", False),
+        ("G38.2X9F10", False),
+        ("G10L20P1X0", False),
+        ("G43.1Z1", False),
+        ("G81X1Z1R1F1", False),
+        ("M30", False),
+        ("M6", False),
+        ("#1=3", False),
+        ("$H", False),
     ],
 )
-def test_plain_moves_are_told_at_first_sight(text: str, move: bool) -> None:
-    line = read_line(text, 79)
-    assert line.move is move
-    assert line.words == words_of(text.replace(" ", ""))
-    if move:  # read in full it is the same
-        full = read_line(text[:-1] + " " + text[-1:], 79)
-        found = (full.words, full.alone, full.syncs, full.inert, full.dwell_s, full.tool)
-        assert found == (line.words, line.alone, line.syncs, line.inert, line.dwell_s, line.tool)
+def test_what_goes_as_far_as_it_was_planned_to(text: str, steady: bool) -> None:
+    assert read_line(text, 79).steady is steady
 
 
-def counter(*modal: str) -> BlockCounter:
+def counter(*steps_per_mm: float) -> BlockCounter:
     blocks = BlockCounter()
-    for axis in range(3):
-        blocks.learn_steps(axis, 100.0)
-    blocks.learn_steps(3, 100.0)  # a rotary axis is not counted on
-    blocks.learn_modal(modal)
+    for axis, steps in enumerate(steps_per_mm):
+        blocks.learn_steps(axis, steps)
     return blocks
 
 
-class TestBlocks:
-    def run(self, blocks: BlockCounter, *lines: str) -> list[bool]:
-        return [blocks.certain(read_line(line, 79)) for line in lines]
+def test_a_line_must_go_two_steps_of_the_coarsest_linear_axis() -> None:
+    assert counter(100.0, 400.0, 200.0).least_mm == pytest.approx(0.02)
+    assert counter(100.0, 400.0, 200.0, 1.0).least_mm == pytest.approx(0.02), "a rotary axis is not counted on"
 
-    def test_a_first_word_may_be_where_the_axis_stands(self) -> None:
-        assert self.run(counter("G0", "G90", "G21"), "X1", "X2", "X2", "X2.01", "X2.1", "Y1", "Y1X3") == [
-            False, True, False, False, True, False, True
-        ]  # fmt: skip
 
-    def test_relative(self) -> None:
-        assert self.run(counter("G1", "G91", "G21"), "X1", "X0", "X0.001", "G90X5", "X6") == [
-            True, False, False, False, True
-        ]  # fmt: skip
+def test_a_word_may_have_been_rounded() -> None:
+    assert counter(5000.0, 5000.0, 5000.0).least_mm == pytest.approx(0.002)
 
-    def test_inches(self) -> None:
-        assert self.run(counter("G1", "G90", "G20"), "X0", "X0.0005", "X0.0015", "G21", "X1") == [
-            False, False, True, False, True
-        ]  # fmt: skip
 
-    def test_unknown_modes_or_steps(self) -> None:
-        assert self.run(counter("G1", "G90"), "X1", "X2") == [False, False]
-        assert self.run(counter("G1", "G21"), "X1", "X2") == [False, False]
-        assert self.run(counter("G80", "G90", "G21"), "X1", "X2", "G1X3", "X4") == [False, False, False, True]
-        assert self.run(counter("G1", "G90", "G21"), "A1", "A2") == [False, False]
-
-    @pytest.mark.parametrize("between", ["G92X0", "G54", "G28", "G53G0X5", "G38.2X9F10", "G10L20P1X0", "G43.1Z1", "$H"])
-    def test_what_moves_the_origin_or_the_machine_elsewhere(self, between: str) -> None:
-        assert self.run(counter("G1", "G90", "G21"), "X1", "X2", between, "G1X3") == [False, True, False, False]
-
-    @pytest.mark.parametrize("between", ["G80", "G81X1Z1R1F1", "G38.2X9F10"])
-    def test_what_ends_the_motion_mode(self, between: str) -> None:
-        assert self.run(counter("G1", "G90", "G21"), between, "X1", "X2") == [False, False, False]
-
-    @pytest.mark.parametrize("between", ["M30", "M2", "#1=3"])
-    def test_what_ends_all_that_is_known(self, between: str) -> None:
-        assert self.run(counter("G1", "G90", "G21"), between, "G1X1", "X2") == [False, False, False]
-
-    def test_a_dwell_makes_none_and_keeps_the_mode(self) -> None:
-        assert self.run(counter("G1", "G90", "G21"), "G4P1", "X1", "X2") == [False, False, True]
+@pytest.mark.parametrize("known", [(), (100.0,), (100.0, 100.0), (100.0, 0.0, 100.0), (100.0, -1.0, 100.0)])
+def test_without_the_steps_of_every_linear_axis_nothing_is_certain(known: tuple[float, ...]) -> None:
+    assert counter(*known).least_mm == inf

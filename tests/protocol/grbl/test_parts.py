@@ -140,6 +140,19 @@ class TestExecuted:
         executed.in_planner(1)
         assert work.done == 0
 
+    def test_where_the_controller_may_stand_elsewhere_three_blocks_prove_nothing(self) -> None:
+        executed, work = Executed(), errand(*["X1"] * 60)
+        executed.displaced()
+        for _ in range(30):
+            executed.acknowledged(work, inert=False, certain=True, planner=15)
+        assert work.done == 30 - 15 - SEGMENTS_AHEAD
+        executed.displaced()
+        for _ in range(3):
+            executed.acknowledged(work, inert=False, certain=True, planner=15)
+        assert work.done == 30 - 15 - SEGMENTS_AHEAD
+        executed.acknowledged(work, inert=False, certain=True, planner=15)
+        assert work.done == 30 - 15 - SEGMENTS_AHEAD + 1
+
 
 class TestPoll:
     def test_only_a_question_of_its_own_proves_a_mark(self) -> None:
