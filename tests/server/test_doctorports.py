@@ -162,3 +162,15 @@ def test_services_that_meddle_with_ports_are_named(roots: Roots) -> None:
     (found,) = meddlers(roots)
     assert "ModemManager" in found.message
     assert found.level is Level.WARNING
+
+
+def test_numbers_without_a_name_and_processes_that_end_meanwhile(pty: str, roots: Roots) -> None:
+    assert doctorports._group(987654) == "987654"
+    assert doctorports._user(987654) == "987654"
+    assert not doctorports._is_member("root", "no-such-group")
+    (roots.proc / "60").mkdir()
+    (roots.proc / "61").mkdir()
+    (roots.proc / "61" / "comm").write_text("gone\n")
+    assert holders(pty, roots) == ([], True)
+    assert list(meddlers(Roots(proc=roots.proc / "nowhere"))) == []
+    assert doctorports._links(Roots(by_id=roots.by_id / "nowhere")) == []

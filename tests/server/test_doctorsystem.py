@@ -195,3 +195,23 @@ def test_the_daemon_that_runs_is_asked_for_its_version(tmp_path: Path, monkeypat
         assert level(here, "daemon") is Level.WARNING
         answer(OSError("refused"))
         assert level(here, "daemon") is Level.ERROR
+
+
+def test_a_data_directory_of_somebody_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctorsystem.os, "access", lambda *_: False)
+    (finding,) = found(config(tmp_path), "data_dir")
+    assert "sudo chown" in finding.advice
+    (finding,) = found(config(tmp_path / "new"), "data_dir")
+    assert finding.level is Level.ERROR
+
+
+def test_a_disk_without_room_for_more_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    nodes = SimpleNamespace(f_files=10**6, f_favail=7, f_bavail=10**9, f_blocks=10**9, f_bfree=10**9, f_frsize=4096)
+    monkeypatch.setattr(doctorsystem.os, "statvfs", lambda _path: nodes)
+    assert any("7 files" in finding.message for finding in found(config(tmp_path), "disk"))
+
+
+def test_a_log_that_has_grown(tmp_path: Path, filled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctorsystem, "WAL_LARGE_BYTES", -1)
+    filled.with_name("millstream.db-wal").touch()
+    assert any("has grown" in finding.message for finding in found(config(tmp_path), "database"))

@@ -1,12 +1,18 @@
 """doctor: what it prints, its exit codes, and a configuration that is itself the fault."""
 
 import json
+import tomllib
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from server import doctorsystem
+from server.doctor import Doctor
+from sim.elvinto.settings import SimSettings
 from tests.server.cli.conftest import Run
+from tests.server.test_doctor import Lines
+from tests.server.test_doctorask import SimLine
 
 
 @pytest.fixture(autouse=True)
@@ -56,6 +62,20 @@ def test_a_port_alone(millstream: Run) -> None:
     outcome = millstream("doctor", "--port", "/dev/ttyNOTHERE")
     assert outcome.code == 1
     assert "versions" not in outcome.out
+
+
+def test_what_was_found_is_printed_as_configuration_and_what_was_sent(
+    millstream: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = Lines(SimLine(SimSettings(crc_radix=16)))
+    monkeypatch.setattr("server.cli.doctor.Doctor", partial(Doctor, open_line=lines))
+    outcome = millstream("doctor", "--port", "tcp://mill:23", "--protocol", "elvinto")
+    assert outcome.code == 0
+    assert 'sent: "CRC16,VALUE<#864,' in outcome.out
+    printed = "\n".join(line.partition("| ")[2] for line in outcome.out.splitlines() if line.startswith("        |"))
+    assert tomllib.loads(printed) == {
+        "machine": [{"name": "machine-1", "protocol": "elvinto", "port": "tcp://mill:23", "elvinto": {"crc_radix": 16}}]
+    }
 
 
 def test_wrong_usage(millstream: Run) -> None:
