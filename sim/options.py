@@ -193,12 +193,18 @@ def _take_dollar(settings: dict[str, Any], key: str, value: str) -> None:
     settings.setdefault("dollar", {})[int(number)] = _read(key, value, float)
 
 
+def _take_grbl_card(settings: dict[str, Any], _: str, value: str) -> None:
+    files = None if value == "none" else sd_folder(Path(value))
+    settings["card"] = None if files is None else {name: data.decode("latin-1") for name, data in files.items()}
+
+
 _GRBL: Final = _Reader(
     GrblSettings,
     _plain(GrblSettings(), frozenset({"travel", "start_position", "probe_z", "dollar", "card"})),
     {"flavour": ("1.1h", "grblHAL")},
     {
         "probe_z": _take_plate,
+        "sd": _take_grbl_card,
         "set_N": _take_dollar,
         **{f"travel_{axis}": _take_length for axis in "xyz"},
         **{f"start_{axis}": _take_start for axis in "xyz"},

@@ -100,6 +100,14 @@ def test_every_kind_of_key_of_grbl() -> None:
     assert grbl_options_from_query("probe_z=none").settings.probe_z is None
 
 
+def test_the_card_of_a_grblhal_is_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "a.nc").write_bytes(b"G1X1 (\xc4)\n")
+    assert grbl_options_from_query(f"flavour=grblHAL&sd={tmp_path}").settings.card == {"a.nc": "G1X1 (\xc4)\n"}
+    assert grbl_options_from_query("sd=none").settings.card is None
+    with pytest.raises(OSError, match="nothing"):
+        grbl_options_from_query(f"sd={tmp_path / 'nothing'}")
+
+
 @pytest.mark.parametrize(
     ("query", "said"),
     [
