@@ -291,6 +291,14 @@ ROWS = [
         refusal="the e-stop is not reset",
     ),
     Row(
+        "user e-stop with coolant on",
+        [("job", "M8"), ("rises", "coolant-flood"), ("estop", None), *ACK],
+        f"coolant-flood^ | user-enable-out_, coolant-flood_ | emc-reason=6, emc-abort^ | {ACKED}",
+        ends="estop",
+        refusal="the e-stop is not reset",
+        protocols=("grbl", "ncframe"),
+    ),
+    Row(
         "external e-stop, and the line's return does not switch on",
         [*CHANGING, drive(emc_enable_in=False), *ACK, drive(emc_enable_in=True), ("stays", 3.0)],
         f"{PREPARED_5} | tool-change^ | emc-enable-in_ | emc-reason=2, emc-abort^, tool-change_, {PREP_0} | {ACKED}"

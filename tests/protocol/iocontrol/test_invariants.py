@@ -82,6 +82,7 @@ class Block(RuleBasedStateMachine):
         self.ended = {"T": 0, "M6": 0, "M61": 0}
         self.table = table
         self.step = 0
+        self.prepared = False
         self.new: list[Event] = []
         self.take()
 
@@ -106,6 +107,22 @@ class Block(RuleBasedStateMachine):
             assert pending
             return
         self.asked["M6"] += not pending
+
+    @precondition(lambda self: self.io.state is State.IDLE and self.io.connected and not self.io.may_fail)
+    @rule(tool=TOOLS, again=st.booleans())
+    def come_to_a_change(self, tool: int, again: bool) -> None:
+        """T, prepared, M6: single steps rarely get so far. `again`: and a second M6 behind it, without a T."""
+        self.asked["T"] += 1
+        self.call(self.io.prepare, tool)
+        self.answer(dict.fromkeys(ANSWERS.values(), False), None)
+        for _ in range(1 + again):
+            self.answer_rightly()
+            self.change(whole=True)
+
+    @precondition(lambda self: self.io.state is State.CHANGING and self.io.connected)
+    @rule(done=st.booleans(), reason=st.sampled_from((-5, 0, 5)))
+    def fault_in_a_change(self, done: bool, reason: int) -> None:
+        self.answer({"tool-changed": done, "toolchanger-fault": True}, reason)
 
     @rule(tool=TOOLS)
     def set_tool(self, tool: int) -> None:
@@ -199,6 +216,8 @@ class Block(RuleBasedStateMachine):
                     assert event.step >= self.step
                     assert event.at == self.now
                     self.pins[event.pin], self.step = event.value, event.step
+                    if event.value is True:
+                        self.request_rose(event.pin)
                     if event.pin == "tool-number":
                         self.number_changed(event.value)
                 case Transition():
@@ -206,8 +225,10 @@ class Block(RuleBasedStateMachine):
                     self.regions[event.region] = event.after
                 case ToolPrepared() | PrepareFailed():
                     self.ended["T"] += 1
+                    self.prepared |= isinstance(event, ToolPrepared)
                 case ToolChanged() | ChangeFailed():
                     self.ended["M6"] += 1
+                    self.prepared &= isinstance(event, ChangeFailed)
                 case ToolSet() | SetToolFailed():
                     self.ended["M61"] += 1
                 case TableChanged():
@@ -218,6 +239,14 @@ class Block(RuleBasedStateMachine):
                 case ChangeStarted():
                     assert self.config.support_start_change is False or self.pins["start-change"] is False
         self.ends_without_going_on_are_signalled()
+        self.an_abort_reaches_emc_abort()
+
+    def request_rose(self, pin: str) -> None:
+        """Also where a level answers it in the same verb, and nothing of it is left to be seen behind."""
+        if pin == "tool-prepare":
+            self.prepared = False
+        if pin == "tool-change":
+            assert self.prepared
 
     def number_changed(self, value: bool | int) -> None:
         """Only with a commit, M61, the start, or when it is not known any more."""
@@ -225,6 +254,15 @@ class Block(RuleBasedStateMachine):
         committed += [event.number for event in self.new if isinstance(event, ToolChanged) and not event.skipped]
         doubted = [event for event in self.new if isinstance(event, FaultLatched | PrepareFailed | ChangeFailed)]
         assert value in committed or (value == -1 and doubted) or self.now == 0.0
+
+    def an_abort_reaches_emc_abort(self) -> None:
+        """Whoever aborts, for whatever reason: the changer has seen it rise, or it is up still; its reason is set."""
+        signalled = [event.reason for event in self.new if isinstance(event, AbortSignalled)]
+        if not signalled or "emc-abort" not in self.pins:
+            return
+        moved = any(isinstance(event, PinChanged) and event.pin == "emc-abort" for event in self.new)
+        assert moved or self.pins["emc-abort"], "it has risen now, is up still, or was and is acknowledged"
+        assert self.pins["emc-reason"] in (signalled[-1], AbortReason.TOOLCHANGER_FAULT)
 
     def ends_without_going_on_are_signalled(self) -> None:
         for event in self.new:
@@ -265,6 +303,14 @@ class Block(RuleBasedStateMachine):
         if self.io.change_moves_allowed:
             assert self.io.state is State.MOVING
             assert not any(self.pins[pin] for pin in REQUEST_PINS if pin in self.pins)
+
+    @invariant()
+    def in_doubt_nobody_knows_the_tool(self) -> None:
+        assert (self.pins["tool-number"] == -1) == (self.io.tool is None)
+        if self.io.waiting_for.what == "verdict":
+            assert self.io.tool is None
+        if self.io.tool is None:
+            assert self.io.start_refusal is not None
 
     @invariant()
     def an_estop_leaves_nothing_on(self) -> None:
