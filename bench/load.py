@@ -177,7 +177,7 @@ def _came(came: Came, who: Crowd) -> Iterator[Figure]:
         yield Figure("messages a second to each reader", came.messages_s, digits=1)
     if (load := came.load) is not None:
         yield Figure("requests a second", load.requests / load.seconds, goal=0.98 * REQUESTS_S, sense="least", digits=1)
-        yield Figure("requests refused", load.refused, goal=0, digits=0)
+        yield Figure("requests refused" + "".join(f", {one}" for one in load.refusals), load.refused, goal=0, digits=0)
         yield Figure("answered, p99", 1e3 * load.p99_s, "ms", digits=1)
         if who.upload_bytes:
             yield Figure("uploaded meanwhile", load.uploaded_bytes / 1e9, "GB", goal=GOAL_UPLOAD_GB, sense="least")

@@ -20,20 +20,31 @@ POLITE = 19
 """The lowest priority of Linux."""
 ADDRESSES = ("/machines", "/machines/mill/state", "/jobs?limit=20", "/programs", "/machines/mill/console")
 CONNECTIONS = 10
+NO_ANSWER = 0
+"""In the place of a status, where the connection broke."""
 BLOCK_LINES = 32_768
 LINE = "G1 X12.345 Y67.890 Z-1.234 F1200\n"
 
 
 @dataclass(slots=True)
 class Load:
-    """What there was, in bytes and seconds; `refused`: answers that were none of 2xx."""
+    """What there was, in bytes and seconds. `refusals`: answers that were none of 2xx, by address and status."""
 
     requests: int = 0
-    refused: int = 0
+    refusals: dict[str, int] = field(default_factory=dict)
     uploaded_bytes: int = 0
     uploads: int = 0
     seconds: float = 0.0
     answers_s: list[float] = field(default_factory=list)
+
+    @property
+    def refused(self) -> int:
+        return sum(self.refusals.values())
+
+    def answered(self, address: str, status: int) -> None:
+        """One answer."""
+        if not 200 <= status < 300:
+            self.refusals[f"{address}: {status}"] = self.refusals.get(f"{address}: {status}", 0) + 1
 
     @property
     def p99_s(self) -> float:
@@ -85,10 +96,13 @@ async def _asking(host: str, port: int, rate_hz: float, found: Load) -> None:
     async def one(link: _Link, address: str) -> None:
         async with link.lock:
             began_s = time.monotonic()
-            status, _ = await link.ask(f"GET /api/v1{address} HTTP/1.1")
+            try:
+                status, _ = await link.ask(f"GET /api/v1{address} HTTP/1.1")
+            except (OSError, asyncio.IncompleteReadError):
+                status = NO_ANSWER
             found.answers_s.append(time.monotonic() - began_s)
             found.requests += 1
-            found.refused += not 200 <= status < 300
+            found.answered(address, status)
 
     try:
         began_s = time.monotonic()
@@ -117,7 +131,7 @@ async def _uploading(host: str, port: int, size: int, found: Load) -> None:
         while True:
             status, _ = await link.ask(head, counted())
             found.uploads += 1
-            found.refused += status != 201
+            found.answered("upload", status)
     finally:
         link.close()
 

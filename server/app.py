@@ -15,6 +15,7 @@ from jobs.program import ProgramStore
 from protocol.elvinto.engine import ElvintoEngine
 from protocol.grbl.engine import GrblEngine
 from protocol.ncframe.engine import NcFrameEngine
+from server.childworker import BySize
 from server.clock import Clock, WallClock
 from server.config import Config, MachineConfig
 from server.controller import Controller
@@ -35,6 +36,9 @@ from server.tokens import TokenStore
 from server.toolchanger import ToolChanger
 from server.toolpaths import Toolpaths
 from server.worker import ThreadWorker, Worker
+
+HEAVY = frozenset({"checks", "drawings", "timelines"})
+"""Workers that read whole programs and compute."""
 
 
 def engine_factory(config: MachineConfig) -> EngineFactory:
@@ -64,7 +68,7 @@ class Parts:
         return cls(
             clock=WallClock(),
             open_db=lambda path: DbThread(path, asyncio.get_running_loop()),
-            worker=ThreadWorker,
+            worker=lambda name: BySize(name) if name in HEAVY else ThreadWorker(name),
             opener=lambda config: PortOpener(config.protocol, dtr=config.dtr),
         )
 

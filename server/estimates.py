@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 
 TIMELINES_KEPT = 16
 """Of the programs that ran last, 32 kB each: the same program again needs no second reading."""
+TYPICAL_LINE_BYTES = 32
+"""Whether a program is worth a process of its own need not be known better."""
 
 
 class Estimates:
@@ -53,7 +55,8 @@ class Estimates:
         key = row["program"], machine
         timeline = self._timelines.get(key)
         if timeline is None:
-            timeline = await self._worker.run(self._measure, self._pieces[machine], row["program"], row["lines"])
+            worker = self._worker.for_bytes(row["lines"] * TYPICAL_LINE_BYTES)
+            timeline = await worker.run(measured, self._programs, self._pieces[machine], row["program"], row["lines"])
             self._timelines[key] = timeline
             if len(self._timelines) > TIMELINES_KEPT:
                 self._timelines.popitem(last=False)
@@ -61,11 +64,12 @@ class Estimates:
             self._timelines.move_to_end(key)
         return timeline
 
-    def _measure(self, piece: Workpiece, program: str, lines: int) -> Timeline:
-        """In the worker: the whole program is read once."""
-        chunks = self._programs.chunks(program)
-        if piece.frames is not None:
-            numbered = enumerate(split_lines(chunks), 1)
-            return measure_frames(numbered, piece.profile, piece.motion, piece.frames, lines, turn_s=piece.turn_s)
-        sending = Sending(piece.encoding, piece.convert_inches, piece.compact, piece.baud)
-        return measure(pieces(chunks, PIECE_BYTES), piece.profile, piece.motion, lines, sending)
+
+def measured(programs: ProgramStore, piece: Workpiece, program: str, lines: int) -> Timeline:
+    """In the worker: the whole program is read once."""
+    chunks = programs.chunks(program)
+    if piece.frames is not None:
+        numbered = enumerate(split_lines(chunks), 1)
+        return measure_frames(numbered, piece.profile, piece.motion, piece.frames, lines, turn_s=piece.turn_s)
+    sending = Sending(piece.encoding, piece.convert_inches, piece.compact, piece.baud)
+    return measure(pieces(chunks, PIECE_BYTES), piece.profile, piece.motion, lines, sending)

@@ -34,6 +34,11 @@ LISTED = 1000
 SOURCE_LINES = 10_000
 """Most lines of one answer."""
 CHECKS_KEPT = 32
+UPLOAD_BYTES_S = 50_000_000
+"""Uploads are taken no faster, all together: half of a gigabit line. A client on this computer, or on a quicker line,
+would have most of the loop's time, and a pause has several turns of the loop."""
+UPLOAD_AHEAD_S = 0.005
+"""So much of it may come at once."""
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 
 
@@ -74,6 +79,8 @@ class ProgramService:
         self._max_upload_bytes = max_upload_bytes
         self._version = version("millstream")
         self._expanding = asyncio.Lock()
+        self._upload_paid_at = 0.0
+        """When what has been uploaded so far is paid for, in the loop's time."""
         self._checked: OrderedDict[tuple[str, str, frozenset[int] | None], dict[str, Any]] = OrderedDict()
 
     async def store(self, chunks: AsyncIterator[bytes], name: str) -> tuple[dict[str, Any], bool]:
@@ -103,11 +110,19 @@ class ProgramService:
                     limit = self._max_upload_bytes
                     raise ProblemError("too_large", f"{name} has more than {limit} bytes (server.max_upload_bytes).")
                 await self._files.run(writer.write, chunk)
+                await self._pace(len(chunk))
             if writer.bytes_written == 0:
                 raise ProblemError("empty_program", f"{name} is empty.")
             return await self._files.run(writer.finish)
         finally:
             await self._files.run(writer.abort)
+
+    async def _pace(self, size_bytes: int) -> None:
+        """Leave the loop to the others for as long as these bytes may take."""
+        now = asyncio.get_running_loop().time()
+        self._upload_paid_at = max(self._upload_paid_at, now) + size_bytes / UPLOAD_BYTES_S
+        if (ahead_s := self._upload_paid_at - now - UPLOAD_AHEAD_S) > 0:
+            await asyncio.sleep(ahead_s)
 
     async def list(self) -> list[dict[str, Any]]:
         """The newest first."""
@@ -134,14 +149,17 @@ class ProgramService:
     async def check(self, program_id: str, *, machine: str | None = None, profile: str | None = None) -> dict[str, Any]:
         """The check before a run, against a machine or a profile. Raises ProblemError."""
         piece, name = self._piece(machine, profile)
-        await self.get(program_id)
+        program = await self.get(program_id)
         tools = None if machine is None else self._tools(machine)
         key = program_id, name, tools  # so that what was found with another tool table is not found again
         known = self._checked.get(key)
         if known is not None:
             self._checked.move_to_end(key)
             return known
-        report: dict[str, Any] = await self._read(program_id, self._planning.check, piece, program_id, tools, slow=True)
+        worker = self._checks.for_bytes(program["bytes"])
+        report: dict[str, Any] = await self._read(
+            program_id, self._planning.check, piece, program_id, tools, worker=worker
+        )
         self._checked[key] = report
         if len(self._checked) > CHECKS_KEPT:
             self._checked.popitem(last=False)
@@ -154,7 +172,7 @@ class ProgramService:
             known = await self._db.run(store.expansion, source, self._version)
             if known is not None:
                 return dict(known)
-            info = await self._expand(source, program["name"])
+            info = await self._expand(source, program["name"], self._checks.for_bytes(program["bytes"]))
             made = await self._db.run(store.add_expansion, source, self._row(info, source), self._version)
         if made is None:
             if await self._db.run(store.program, info.id) is None:
@@ -165,7 +183,7 @@ class ProgramService:
             self._announce(kept, "created")
         return dict(kept)
 
-    async def _expand(self, source: str, name: str) -> ProgramInfo:
+    async def _expand(self, source: str, name: str, worker: Worker) -> ProgramInfo:
         try:
             made: ProgramInfo = await self._read(
                 source,
@@ -173,7 +191,7 @@ class ProgramService:
                 self._programs,
                 source,
                 name,
-                slow=True,
+                worker=worker,
             )
         except OSError as error:
             raise disk_problem(error, "expanded program") from error
@@ -227,8 +245,8 @@ class ProgramService:
         piece = Workpiece(loaded, Motion(), BatchLimits(), True, False, "utf-8", frames=frames)
         return piece, f"profile {loaded.name}"
 
-    async def _read(self, program_id: str, fn: Any, *args: Any, slow: bool = False) -> Any:
-        worker = self._checks if slow else self._files
+    async def _read(self, program_id: str, fn: Any, *args: Any, worker: Worker | None = None) -> Any:
+        worker = worker or self._files
         try:
             return await worker.run(fn, *args)
         except UnknownProgramError as error:

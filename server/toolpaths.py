@@ -86,7 +86,7 @@ class Toolpaths:
     def __init__(self, programs: ProgramStore, segments_of: SegmentsOf, *, maker: Worker, files: Worker) -> None:
         self.tag = version_tag()
         self._programs = programs
-        self._segments_of = segments_of
+        self._drawer = Drawer(programs, segments_of)
         self._maker = maker
         self._files = files
         self._making: dict[Path, asyncio.Future[None]] = {}
@@ -111,15 +111,21 @@ class Toolpaths:
     async def _made(self, path: Path, program_id: str, reader: Reader) -> None:
         making = self._making.get(path)
         if making is None:
-            if await self._files.run(path.is_file):
+            size = await self._files.run(self._undrawn_bytes, path, program_id)
+            if size is None:
                 return
             making = self._making.get(path)
-        if making is None:
-            making = asyncio.ensure_future(self._maker.run(self._make, path, program_id, reader))
-            self._making[path] = making
-            making.add_done_callback(lambda done: self._forget(path, done))
+            if making is None:
+                worker = self._maker.for_bytes(size)
+                making = asyncio.ensure_future(worker.run(self._drawer.make, path, program_id, reader))
+                self._making[path] = making
+                making.add_done_callback(lambda done: self._forget(path, done))
         # Who goes away does not end it for the others.
         await asyncio.shield(making)
+
+    def _undrawn_bytes(self, path: Path, program_id: str) -> int | None:
+        """The size of the program; None where its drawing is there."""
+        return None if path.is_file() else self._programs.info(program_id).bytes
 
     def _forget(self, path: Path, done: "asyncio.Future[None]") -> None:
         self._making.pop(path, None)
@@ -138,9 +144,16 @@ class Toolpaths:
         finally:
             file.close()
 
-    # --- in the worker ------------------------------------------------------------------------------------------
 
-    def _make(self, path: Path, program_id: str, reader: Reader) -> None:
+class Drawer:
+    """Makes drawings, in the worker: it may travel to another process."""
+
+    def __init__(self, programs: ProgramStore, segments_of: SegmentsOf) -> None:
+        self._programs = programs
+        self._segments_of = segments_of
+
+    def make(self, path: Path, program_id: str, reader: Reader) -> None:
+        """The drawing under its name. Raises ProblemError, UnknownProgramError, OSError."""
         stem = secrets.token_hex(8)
         parts = [path.with_name(f"{stem}.{number}{SUFFIX}.part") for number in range(MAX_LEVEL + 2)]
         try:

@@ -18,6 +18,9 @@ class Worker(Protocol):
     async def run(self, fn: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         """The result of `fn`, or its error."""
 
+    def for_bytes(self, size_bytes: int) -> "Worker":
+        """The worker for a program of that size: large ones may have one of their own (childworker.py)."""
+
     def close(self) -> None:
         """No more work; what has begun ends."""
 
@@ -32,6 +35,9 @@ class ThreadWorker:
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._pool, lambda: fn(*args, **kwargs))
 
+    def for_bytes(self, size_bytes: int) -> Worker:  # noqa: ARG002 - one for all
+        return self
+
     def close(self) -> None:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
@@ -41,6 +47,9 @@ class InlineWorker:
 
     async def run(self, fn: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         return fn(*args, **kwargs)
+
+    def for_bytes(self, size_bytes: int) -> Worker:  # noqa: ARG002 - one for all
+        return self
 
     def close(self) -> None:
         """Nothing to end."""

@@ -9,6 +9,7 @@ import pytest
 
 from jobs import store
 from jobs.program import ProgramStore
+from server import estimates as module
 from server.app import Workshop
 from server.estimates import Estimates
 from sim.elvinto.settings import SimSettings
@@ -156,19 +157,18 @@ def test_a_program_without_motion_and_one_that_is_gone_have_no_estimate(tmp_path
     run_simulated(main())
 
 
-def test_the_same_program_again_is_not_measured_again(tmp_path: Path) -> None:
+def test_the_same_program_again_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async def main() -> None:
         bench = Bench(tmp_path)
         shop = await bench.connected()
-        estimates = shop.jobs._starter._estimates
         measured: list[str] = []
-        measure = estimates._measure
+        measure = module.measured
 
-        def counted(piece: Any, program: str, lines: int) -> Any:
+        def counted(programs: Any, piece: Any, program: str, lines: int) -> Any:
             measured.append(program)
-            return measure(piece, program, lines)
+            return measure(programs, piece, program, lines)
 
-        estimates._measure = counted  # type: ignore[method-assign]
+        monkeypatch.setattr(module, "measured", counted)
         for text in (SHORT, SHORT, SHORT + "\n"):
             job = (await bench.job(text))["id"]
             await bench.status(job, "completed")

@@ -11,7 +11,7 @@ import pytest
 from jobs.program import Writer
 from server.app import Workshop
 from server.problems import ProblemError
-from server.programservice import SOURCE_LINES
+from server.programservice import SOURCE_LINES, UPLOAD_AHEAD_S, UPLOAD_BYTES_S
 from tests.harness.simloop import run_simulated
 from tests.harness.toolpathreader import read_toolpath
 from tests.harness.workshop import MACHINE, Bench
@@ -52,6 +52,23 @@ def test_an_upload_in_pieces_is_one_program_and_the_same_again_is_not_new(tmp_pa
         assert (again["id"], again["name"], created) == (program["id"], "a.nc", False)
         assert [row["id"] for row in await shop.programs.list()] == [program["id"]]
         assert await shop.programs.get(program["id"]) == program
+
+    told(tmp_path, story)
+
+
+def test_uploads_leave_the_loop_to_the_others_at_times(tmp_path: Path) -> None:
+    """Simulated time: what is not waited for on purpose takes none."""
+    piece = b"G1 X1.000 Y2.000\n" * 20_000
+
+    async def story(shop: Workshop) -> None:
+        loop = asyncio.get_running_loop()
+        await asyncio.sleep(100.0)
+        began = loop.time()
+        await asyncio.gather(*(shop.programs.store(chunks(*[piece] * count), "a.nc") for count in (10, 20)))
+        assert loop.time() - began == pytest.approx(30 * len(piece) / UPLOAD_BYTES_S - UPLOAD_AHEAD_S)
+        began = loop.time()
+        await shop.programs.store(chunks(GOOD), "b.nc")
+        assert loop.time() - began < 1e-6, "a small one waits for nobody"
 
     told(tmp_path, story)
 
