@@ -6,7 +6,7 @@ daemon's own address, and the clock is the browser's.
 
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,6 +21,8 @@ COLD_STARTS = 7
 STATES = 36_000
 ROUNDS = 12
 SEGMENTS = 1_000_000
+PLACES = ("machine", "plots", "console")
+TURNED_S = 4.0
 PAINT = "performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? 0"
 THERE = """() => new Promise((done) => {
     const look = () => document.querySelector('[data-name=connection].live')
@@ -68,25 +70,25 @@ def first_visit(browser: Browser, url: str, times: int) -> list[Figure]:
     ]
 
 
-def memory(browser: Browser, states: int) -> list[Figure]:
-    """The heap after each twelfth, and what a message leaves behind in the second half."""
+def memory(browser: Browser, states: int, places: Sequence[str] = PLACES, rounds: int = ROUNDS) -> list[Figure]:
+    """The heap after each round, and what a message leaves behind in the second half."""
     figures = []
-    for place in ("machine", "plots", "console"):
+    for place in places:
         with stage() as play, screen(browser, play.url) as one:
             one.page.add_init_script(HEARD)
             one.go(f"{MACHINE}/{place}")
             session = one.context.new_cdp_session(one.page)
             used = []
-            for _ in range(ROUNDS):
-                play.run(states // ROUNDS)
+            for _ in range(rounds):
+                play.run(states // rounds)
                 while heard(one.page) < play.seq:
                     time.sleep(0.05)
                 used.append(heap_bytes(session))
             half = len(used) // 2
-            messages = play.seq * (ROUNDS - half) / ROUNDS
+            messages = play.seq * (rounds - half) / rounds
             mib = 1024 * 1024
             figures += [
-                Figure(f"{place}: after a twelfth", used[0] / mib, "MiB"),
+                Figure(f"{place}: after the first round", used[0] / mib, "MiB"),
                 Figure(f"{place}: half way", used[half - 1] / mib, "MiB"),
                 Figure(f"{place}: at the end", used[-1] / mib, "MiB"),
                 Figure(f"{place}: left by a message, second half", (used[-1] - used[half - 1]) / messages, "B", 1.0),
@@ -94,8 +96,8 @@ def memory(browser: Browser, states: int) -> list[Figure]:
     return figures
 
 
-def preview(browser: Browser, shop: Daemon, segments: int) -> list[Figure]:
-    """A relief. The worker's memory is told by the browser for the whole process group, so it is read from the page."""
+def preview(browser: Browser, shop: Daemon, segments: int, turned_s: float = TURNED_S) -> list[Figure]:
+    """A relief. The heap is that of the page, which the worker's is no part of."""
     rows = "".join(f"X{i % 1000 * 0.2:.2f}Y{i // 1000 * 0.2:.2f}Z{(i * 7 % 90) * 0.02:.2f}\n" for i in range(segments))
     program = shop.http.post("/api/v1/programs?name=relief.nc", content=f"G21 G90 G1 F2000\n{rows}M30\n").json()["id"]
     began = time.monotonic()
@@ -104,7 +106,6 @@ def preview(browser: Browser, shop: Daemon, segments: int) -> list[Figure]:
     with screen(browser, shop.url) as one:
         one.allowed.append(DRIVER)
         one.go(f"{MACHINE}/programs/{program}")
-        traffic = Traffic(one.page)
         began = time.monotonic()
         one.press("preview-toggle")
         view = one.named("path-view")
@@ -113,7 +114,7 @@ def preview(browser: Browser, shop: Daemon, segments: int) -> list[Figure]:
         expect(view).to_have_attribute("data-complete", "true", timeout=120_000)
         whole_s = time.monotonic() - began
         level = float(view.get_attribute("data-level") or 0)
-        turning_ms, resting_ms = frames(one.page)
+        turning_ms, resting_ms = frames(one.page, turned_s)
         session = one.context.new_cdp_session(one.page)
         page_mib = heap_bytes(session) / 1024 / 1024
     return [
@@ -121,14 +122,13 @@ def preview(browser: Browser, shop: Daemon, segments: int) -> list[Figure]:
         Figure("first picture", first_s, "s"),
         Figure("as fine as this device draws it", whole_s, "s"),
         Figure("level then (0: every move)", level, digits=0),
-        Figure("bytes over the network, three.js with it", traffic.bytes() / 1024 / 1024, "MiB"),
         Figure("a picture while it is turned", turning_ms, "ms"),
         Figure("the longest that the page itself stood still", resting_ms, "ms"),
         Figure("heap of the page", page_mib, "MiB"),
     ]
 
 
-def frames(page: Page) -> tuple[float, float]:
+def frames(page: Page, turned_s: float) -> tuple[float, float]:
     """Turned for some seconds by the mouse: ms a picture that was drawn, and the page's longest gap between its own."""
     page.evaluate(
         """() => { window.gap = 0; let last = performance.now();
@@ -147,7 +147,7 @@ def frames(page: Page) -> tuple[float, float]:
     page.mouse.move(x, y)
     page.mouse.down()
     step = 0
-    while time.monotonic() - began < 4:
+    while time.monotonic() - began < turned_s:
         step += 1
         page.mouse.move(x + step % 200, y + step % 60)
     drawn = int(view.get_attribute("data-drawn") or 0) - before

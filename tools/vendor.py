@@ -1,4 +1,4 @@
-"""Fetches the pinned files of web/vendor/ and tests/web/vendor/ from the npm registry:  python tools/vendor.py   (needs npm)
+"""Fetches the pinned files of web/vendor/ and tests/web/vendor/ from npm:  python tools/vendor.py   (needs npm)
 
 Not a bundler and no part of the daemon: what it writes is committed, so nobody who uses or builds millstream runs it.
 The one rule: a file is taken only when its SHA-256 is the one that stands here; to move to another version, change the
