@@ -17,6 +17,9 @@ from gcode.state import State
 Compensation = Literal["contour", "offset"]
 Semicolon = Literal["end", "remark"]
 
+RESOLUTION_MM = (0.00001, 1000.0)
+"""One count: finer than any drive, and coarser than any lathe."""
+
 NO_TOOL_NAMED = 0
 """The tool before the first T."""
 
@@ -51,10 +54,18 @@ class FrameRules:
 
     def __post_init__(self) -> None:
         """Raises ValueError for numbers that no machine has."""
-        for name in ("resolution_mm", "feed_unit_mm_min", "speed_unit_rpm"):
+        for name in ("feed_unit_mm_min", "speed_unit_rpm"):
             value = getattr(self, name)
             if value is not None and not (isfinite(value) and value > 0):
                 raise ValueError(f"{name} = {value}: it must be over 0")
+        low, high = RESOLUTION_MM
+        if not low <= self.resolution_mm <= high:
+            raise ValueError(f"resolution_mm = {self.resolution_mm}: it must be from {low:g} to {high:g}")
+        lengths = [("tool_radius_mm", self.tool_radius_mm), *((f"tools: {n}", mm) for n, mm in self.tools.items())]
+        lengths += [(f"systems: {n}", mm) for n, zero in self.systems.items() for mm in zero.values()]
+        for name, mm in lengths:
+            if mm is not None and not isfinite(mm):
+                raise ValueError(f"{name} = {mm}: it is no length")
         if any(not isfinite(feed) or feed < 0 for feed in self.feed_table_mm_min):
             raise ValueError("feed_table_mm_min: a feed is a number from 0 up")
         if len(self.feed_table_mm_min) > BYTE[1] + 1:

@@ -82,7 +82,8 @@ def test_rapids_go_at_the_rate_of_the_lathe_and_feeds_at_that_of_their_byte() ->
     motion = Motion(planner_blocks=1, max_rate={"x": 1000.0, "z": 6000.0}, acceleration={"x": 1e9, "z": 1e9})
     slow = measure_frames(numbered("G0 X100|M30"), LATHE, motion, FrameRules(), 2)
     quick = measure_frames(numbered("G0 Z100|M30"), LATHE, motion, FrameRules(), 2)
-    assert (slow.total_s, quick.total_s) == (pytest.approx(6.0, rel=1e-3), pytest.approx(1.0, rel=1e-3))
+    assert slow.total_s == pytest.approx(6.0, rel=1e-3)
+    assert quick.total_s == pytest.approx(1.0, rel=1e-3)
     table = FrameRules(feed_table_mm_min=(0.0, 10.0, 30.0))
     cut = measure_frames(numbered("G1 X10 F25|M30"), LATHE, motion, table, 2)
     assert cut.total_s == pytest.approx(60.0, rel=1e-3), "10 mm at 10 mm/min"
@@ -91,7 +92,7 @@ def test_rapids_go_at_the_rate_of_the_lathe_and_feeds_at_that_of_their_byte() ->
 def test_compensation_is_drawn() -> None:
     motion = drawn(CONTOUR, tool_radius_mm=0.8)
     arc = motion.kind == CW
-    assert motion.radius[arc].tolist() == pytest.approx([4.8]) or motion.radius[arc].tolist() == pytest.approx([3.2])
+    assert abs(motion.radius[arc][0] - 4.0) == pytest.approx(0.8)
     along = motion.line == 4
     assert abs(motion.end[0, along][0] - 10.0) == pytest.approx(0.8), "the tool is its radius away"
 

@@ -13,6 +13,12 @@ from tests.harness.frameprograms import LATHE
     [
         {"resolution_mm": 0.0},
         {"resolution_mm": float("nan")},
+        {"resolution_mm": 1e-300},
+        {"resolution_mm": float("inf")},
+        {"tool_radius_mm": float("nan")},
+        {"tool_radius_mm": float("inf"), "compensation": "offset"},
+        {"tools": {1: float("-inf")}},
+        {"systems": {2: {"x": float("nan")}}},
         {"feed_unit_mm_min": -1.0},
         {"speed_unit_rpm": 0.0},
         {"feed_table_mm_min": (1.0, -1.0)},

@@ -14,12 +14,13 @@ from gcode.interpret import Reading
 from gcode.interpreter import Interpreter
 from gcode.motion import Motion
 from gcode.ncframe.check import check_frames
+from gcode.ncframe.frame import Frame
 from gcode.ncframe.rates import RateError, feed_byte, feeds_have_bytes
 from gcode.ncframe.reader import FrameReader, TranslationError
 from gcode.ncframe.rules import FrameRules, profile_for
 from gcode.ncframe.stretches import Stretches, first_error
 from gcode.ncframe.translate import Translator
-from gcode.words import parse_block
+from gcode.words import Block, parse_block
 from tests.harness.frameprograms import LATHE, ORIGIN
 from tests.harness.programs import quick, thorough
 
@@ -118,7 +119,12 @@ def test_a_long_plain_program_does_not_go_block_by_block(monkeypatch: pytest.Mon
     monkeypatch.undo()
     stepped: list[int] = []
     step = Translator.step
-    monkeypatch.setattr(Translator, "step", lambda self, line, block: stepped.append(line) or step(self, line, block))
+
+    def counted(self: Translator, line: int, block: Block) -> list[Frame]:
+        stepped.append(line)
+        return step(self, line, block)
+
+    monkeypatch.setattr(Translator, "step", counted)
     lines = [
         "F100 G1",
         *[f"X{n % 97}.5 Z-{n % 89}" for n in range(3000)],

@@ -93,9 +93,26 @@ def test_options_of_frames_are_for_frames(millstream: Run, file: Path, option: t
     assert "NC frames" in outcome.err
 
 
-@pytest.mark.parametrize("option", [("--resolution", "0"), ("--feed-unit", "-1"), ("--compensation", "both")])
-def test_numbers_that_no_machine_has_are_wrong_usage(millstream: Run, file: Path, option: tuple[str, ...]) -> None:
-    assert millstream("translate", file, "-p", "ncframe-lathe", *option).code == 2
+WRONG = (
+    *(("--resolution", value) for value in ("0", "-1", "nan", "inf", "1e-300", "fine")),
+    *(("--tool-radius", value) for value in ("nan", "inf", "-inf", "0,4", "")),
+    *(("--compensation", value) for value in ("both", "left", "")),
+    ("--feed-unit", "-1"),
+    ("--feed-unit", "nan"),
+    ("--speed-unit", "0"),
+    ("--semicolon", "never"),
+)
+
+
+@pytest.mark.parametrize("command", ["translate", "check"])
+@pytest.mark.parametrize("option", WRONG, ids=" ".join)
+def test_numbers_that_no_machine_has_are_wrong_usage(
+    millstream: Run, file: Path, command: str, option: tuple[str, str]
+) -> None:
+    file.write_bytes(b"G90 G41 G1 X5 Z5 F9\nX9\nM30\n")
+    outcome = millstream(command, file, "-p", "ncframe-lathe", *option)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert option[0].strip("-").replace("-", "_") in outcome.err.replace("-", "_")
 
 
 def test_a_program_with_loops_is_expanded_first(millstream: Run, file: Path) -> None:
