@@ -17,6 +17,8 @@ FIELDS = (
     'job, seq, machine, wire_id, line_from, line_to, blocks, seconds, "end", status, attempts, inferred, planned_at'
 )
 
+WHAT = "of the journal of job 1 was changed, removed or added"
+
 
 def ended(db: Database, *, rows: int = 3, status: Status = Status.COMPLETED) -> int:
     """A job that was executed, with so many rows of journal."""
@@ -68,11 +70,19 @@ def test_what_may_go_on_is_not_sealed(status: Status) -> None:
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ("update batches set line_to = 99 where seq = 2", "job 1 or its journal was changed after its end"),
-        ("update batches set inferred = 1 where seq = 3", "job 1 or its journal was changed after its end"),
-        ("update jobs set line_done = 3", "job 1 or its journal was changed after its end"),
-        ("update jobs set status = 'failed'", "job 1 or its journal was changed after its end"),
-        ("delete from batches where seq = 3", "the journal of job 1 has 2 rows; 3 were sealed"),
+        ("update batches set line_to = 99 where seq = 2", f"row 2 {WHAT}"),
+        ("update batches set inferred = 1 where seq = 3", f"row 3 {WHAT}"),
+        ("delete from batches where seq = 1", f"row 1 {WHAT}"),
+        ("delete from batches where seq = 3", f"row 3 {WHAT}"),
+        ("update batches set seq = 4 where seq = 3", f"row 3 {WHAT}; row 4 {WHAT}"),
+        ("update batches set seq = 1000000000000 where seq = 3", f"row 3 {WHAT}; row 501 {WHAT}"),
+        ("update batches set seq = -7 where seq = 1", f"row 1 {WHAT}"),
+        ("update jobs set line_done = 3", "job 1 was changed after its end"),
+        ("update jobs set status = 'failed'", "job 1 was changed after its end"),
+        (
+            "update jobs set lines = 9; update batches set machine = 'x' where seq = 1",
+            f"job 1 was changed after its end; row 1 {WHAT}",
+        ),
         ("delete from batches; delete from jobs", "job 1, which it sealed, is missing"),
     ],
 )
@@ -80,8 +90,36 @@ def test_a_change_after_the_end_is_found(change: str, what: str) -> None:
     with database() as db:
         seal(db, ended(db))
         db.conn.executescript(change)
-        assert found(db) == [what]
+        assert found(db) == what.split("; ")
         assert history.verify(db) is None, "the history itself is in order"
+
+
+def test_of_a_long_journal_some_rows_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(seals, "MOST_MARKS", 4)
+    with database() as db:
+        seal(db, ended(db, rows=10))
+        assert found(db) == []
+        db.execute("update batches set attempts = 7 where seq = 5")
+        db.execute("delete from batches where seq = 10")
+        assert found(db) == [f"one of the rows 4 to 6 {WHAT}", f"one of the rows 10 to 12 {WHAT}"]
+
+
+def test_a_change_that_the_marks_do_not_show_is_found_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(seals, "MARK_CHARS", 0)
+    with database() as db:
+        seal(db, ended(db))
+        db.execute("update batches set attempts = 7 where seq = 2")
+        monkeypatch.setattr(seals, "_marks", lambda _text: [])
+        assert found(db) == ["the journal of job 1 was changed after its end"]
+
+
+def test_a_seal_that_somebody_has_emptied_is_a_fault_and_no_crash() -> None:
+    with database() as db:
+        seal(db, ended(db))
+        db.execute("drop trigger events_no_update")
+        for data in ("{}", "no JSON", '{"rows": "x", "marks": 7, "group_rows": -1}'):
+            db.execute("update events set data = ? where type = ?", [data, seals.SEALED])
+            assert found(db)[0] == "job 1 was changed after its end"
 
 
 @pytest.mark.parametrize(("rows", "pieces"), [(0, 1), (3, 1), (4, 2), (9, 3)])
