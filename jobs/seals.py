@@ -21,7 +21,7 @@ from jobs.job import ENDED
 
 SEALED = "journal_sealed"
 FORGOTTEN = "jobs_forgotten"
-PIECE_ROWS = 1000
+PIECE_ROWS = 250
 """Some milliseconds."""
 MOST_MARKS = 500
 """A journal of up to so many rows is marked row by row, a longer one in groups: 2 KB of history for each job."""
