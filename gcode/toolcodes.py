@@ -8,6 +8,9 @@ from dataclasses import replace
 
 from gcode.profile import Code, Profile
 
+COOLANT = frozenset({"mist", "flood", "coolant_off"})
+"""What the codes of coolant set in a profile."""
+
 
 def with_tool_codes(profile: Profile, *, moves: bool) -> Profile:
     """`moves`: the machine goes somewhere else for a change, so that nobody knows where it stands behind it."""
@@ -19,6 +22,12 @@ def with_tool_codes(profile: Profile, *, moves: bool) -> Profile:
         "M61": Code("M61", effect="set_tool", group="tool", barrier=True),
     }
     return replace(profile, codes={**profile.codes, **codes}, letters=profile.letters | {"T", "Q"})
+
+
+def coolant_codes(profile: Profile) -> frozenset[int]:
+    """Which of M7, M8 and M9 switch coolant on this controller; on some they are something else."""
+    known = {number: profile.codes.get(f"M{number}") for number in (7, 8, 9)}
+    return frozenset({number for number, code in known.items() if code is not None and code.sets in COOLANT})
 
 
 def without_changer(profile: Profile) -> Profile:

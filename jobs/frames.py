@@ -18,14 +18,13 @@ from gcode.ncframe.reader import FrameBlock, FrameReader, TranslationError
 from gcode.ncframe.rules import FrameRules
 from gcode.profile import Profile
 from gcode.state import State
-from jobs.upcoming import COOLANT, Barrier, PlanError, Upcoming
+from gcode.toolcodes import coolant_codes
+from jobs.upcoming import Barrier, PlanError, Upcoming
 from protocol.commands import Position
 from protocol.errors import LocalError
 
 DOES_SOMETHING = re.compile(r"[MXZR]|G4\b")
 """What a frame has whose being there does not depend on those before it."""
-COOLANT_CODES = (7, 8, 9)
-"""M codes that switch coolant, where the profile gives them that meaning."""
 SAME_COUNTS = 0.51
 """Two accounts of a place that is in whole counts differ by less."""
 LINES_AT_ONCE = 256
@@ -55,9 +54,7 @@ class FrameBlocks:
     ) -> None:
         self._reader = FrameReader(lines, profile, motion, rules, position)
         self._resolution_mm = rules.resolution_mm
-        self._coolant = frozenset(
-            {number for number in COOLANT_CODES if (code := profile.codes.get(f"M{number}")) and code.sets in COOLANT}
-        )
+        self._coolant = coolant_codes(profile)
         self._behind = behind
         self._opened = False
         self._ready: deque[Upcoming] = deque()

@@ -85,7 +85,8 @@ class Job(Protocol):
 
 class ChangerShell:
     """See the head of this file. `on_estop`: the external chain was opened, stop the machine. `on_tool`: the tool in
-    the spindle is this one, None: nobody knows. `emergency`: the machine's own emergency stop is pressed."""
+    the spindle is this one, None: nobody knows. `emergency`: the machine's own emergency stop is pressed.
+    `coolant_codes`: what switches coolant here, of M7, M8 and M9."""
 
     def __init__(
         self,
@@ -104,6 +105,7 @@ class ChangerShell:
         self.on_estop: Callable[[], None] = lambda: None
         self.on_tool: Callable[[int | None], None] = lambda _tool: None
         self.emergency: Callable[[], bool] = lambda: False
+        self.coolant_codes: frozenset[int] = frozenset()
         self._job, self._db, self._hub, self._clock, self._loop = job, db, hub, clock, loop
         self._connection: object = None
         self._timer: asyncio.TimerHandle | None = None

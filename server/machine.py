@@ -9,6 +9,8 @@ import logging
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
+from gcode.profile import load_profile
+from gcode.toolcodes import coolant_codes
 from jobs.toolstore import KeptTools
 from protocol.commands import EmergencyStop
 from protocol.engine import Engine, OpenWork
@@ -129,6 +131,7 @@ class Machine:
         self.tools = ToolChanger(
             self.name, config.toolchanger, kept=kept, job=self.stream, db=db, hub=hub, clock=clock, loop=self._loop
         )
+        self.tools.coolant_codes = coolant_codes(load_profile(config.profile))
         self.tools.on_tool = self._tool_is
         self.tools.emergency = lambda: _emergency(self.state)
         self.tools.on_estop = self.chain_opened

@@ -103,6 +103,7 @@ class Switches:
                 f"{self._name} was asked to switch {coolant} {'on' if on else 'off'}, and its reports do not show it "
                 f"after {REPORTED_WITHIN_S:g} s.{built}",
             )
+        self._controller.tools.coolant_switched(coolant, on=on)
 
     async def _until(self, seen: Callable[[], bool]) -> bool:
         """Whether the reports come to show it. Raises ProblemError when the link breaks."""

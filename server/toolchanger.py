@@ -12,7 +12,9 @@ from typing import Any
 
 from gcode.words import parse_block
 from jobs import history
+from jobs.effects import ToolAsk
 from jobs.toolblocks import set_by
+from jobs.toolside import COOLANT_OFF, COOLANTS
 from protocol.errors import LocalError
 from protocol.iocontrol.pins import PINS, Pin, PinError
 from server.changershell import ChangerShell
@@ -20,6 +22,8 @@ from server.hub import rfc3339
 from server.problems import ProblemError
 from server.toolviews import io_view, table_of, table_view
 
+MIST, FLOOD = COOLANTS
+PROGRAM_ENDS = frozenset({"M2", "M30"})
 EVENTS_LISTED = 10_000
 """Most events of one answer."""
 
@@ -70,9 +74,14 @@ class ToolChanger(ChangerShell):
             self.io.set_tool(number, now)
 
     def typed(self, block: str, *, turret: bool) -> None:
-        """A block that somebody has typed is executed: it may have brought another tool. `turret`: a T turns it at
-        once. Where the machine asks for the tool of an M6, that dialogue is open already."""
+        """A block that somebody has typed is executed: coolant follows it, and it may have brought another tool.
+        `turret`: a T turns it at once. Where the machine asks for the tool of an M6, that dialogue is open already."""
         parsed = parse_block(block)
+        for word in parsed.words:
+            if word.letter == "M" and word.value in self.coolant_codes:
+                self.ask(ToolAsk("coolant", int(word.value)))
+            elif word.code in PROGRAM_ENDS:
+                self.ask(ToolAsk("coolant", COOLANT_OFF))
         codes, number = {word.code for word in parsed.words}, set_by(parsed)
         if "M61" in codes and number is not None and not self.io.change_pending:
             with self._verb() as now:
@@ -80,6 +89,11 @@ class ToolChanger(ChangerShell):
         elif ("M6" in codes or (turret and "T" in {word.letter for word in parsed.words})) and not self._asked():
             self.io.doubt_tool()
             self._job.note("tool_by_hand", block=block)
+
+    def coolant_switched(self, coolant: str, *, on: bool) -> None:
+        """Somebody has switched it at the controller, which shows it. `coolant`: flood or mist."""
+        code = MIST if coolant == "mist" else FLOOD
+        self.ask(ToolAsk("coolant", code if on else -code))
 
     # --- the changer ------------------------------------------------------------------------------------------
 

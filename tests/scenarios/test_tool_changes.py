@@ -20,6 +20,7 @@ from sim.elvinto.settings import SimSettings as SimSettingsElvinto
 from sim.grbl.simsettings import SimSettings
 from tests.harness.changerbench import Story as WiredStory
 from tests.harness.changerbench import bench_of, told_wired
+from tests.harness.changerbench import told as told_story
 from tests.harness.grblworkshop import GrblBench
 from tests.harness.ncworkshop import NcBench
 from tests.harness.simloop import run_simulated, until
@@ -211,6 +212,43 @@ def test_coolant_pins_follow_the_program(tmp_path: Path) -> None:
         assert [pins["coolant-flood"] for pins in said if "coolant-flood" in pins] == [True, False]
 
     told(bench_of("grbl", tmp_path), story)
+
+
+@pytest.mark.parametrize("protocol", ["grbl", "ncframe"])
+def test_coolant_pins_follow_what_people_ask(tmp_path: Path, protocol: str) -> None:
+    async def story(s: WiredStory) -> None:
+        def coolant() -> list[bool | int]:
+            return [s.pin("coolant-flood"), s.pin("coolant-mist")]
+
+        async def typed(*blocks: str) -> None:
+            await s.post("commands", 200, blocks=list(blocks))
+
+        await typed("M8")
+        assert coolant() == [True, False]
+        await typed("M9")
+        assert coolant() == [False, False]
+        await typed("M8", "M30")
+        assert coolant() == [False, False], "the end of a program is an M9"
+        if protocol == "grbl":
+            await s.post("coolant", 200, flood=True)
+            assert coolant() == [True, False]
+            await s.post("coolant", 200, flood=False)
+            assert coolant() == [False, False]
+        await typed("M8")
+        await s.post("estop")
+        assert coolant() == [False, False]
+
+    told_story(tmp_path, story, protocol=protocol)
+
+
+def test_on_an_elvinto_m8_is_no_coolant(tmp_path: Path) -> None:
+    async def story(s: WiredStory) -> None:
+        await s.post("commands", 200, blocks=["M8"])
+        assert (await s.ended("G21\nG90\nM8\nG1 X1 F240\nM30\n"))["status"] == "completed"
+        events = await s.get("io/events")
+        assert not [e for e in events if e["type"] == "io_pins" and "coolant-flood" in dict(e["data"]["pins"])]
+
+    told_story(tmp_path, story)
 
 
 @EACH

@@ -325,6 +325,17 @@ def test_a_block_that_was_typed_may_have_brought_another_tool(
     assert bool(place.of("tool_by_hand")) == (not certain)
 
 
+def test_coolant_that_was_typed_where_the_codes_mean_that() -> None:
+    for codes, on in ((frozenset({7, 8, 9}), True), (frozenset[int](), False)):
+        place = Place()
+        place.changer.coolant_codes = codes
+        place.changer.typed("G1 X1 M8", turret=False)
+        assert bool(place.of("io_pins")[-1]["pins"] == [["coolant-flood", True]]) == on
+        place.changer.typed("M30", turret=False)
+        pins = {pin.name: pin.value for pin in place.changer.io.pins()}
+        assert not pins["coolant-flood"]
+
+
 def test_a_block_of_a_dialogue_that_is_open_changes_nothing() -> None:
     place = Place()
     place.changer.open(4)

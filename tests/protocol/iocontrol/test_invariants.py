@@ -149,6 +149,8 @@ class Block(RuleBasedStateMachine):
     @rule()
     def disconnect(self) -> None:
         self.call(self.io.disconnect)
+        if self.config.kind == "external":
+            assert not self.io.may_fail or self.io.waiting_for.what == "verdict" or self.io.state is State.ABORTING
 
     @rule(reason=st.sampled_from(AbortReason))
     def abort(self, reason: AbortReason) -> None:
