@@ -123,6 +123,8 @@ class ToolSide(RunState):
     def _coolant_off(self, batch: PlannedBatch) -> None:
         """An M9 is executed, or the end of the program, which is one too (RS-274): what is switched on behind it, here
         or in what was handed over since, stays on."""
+        if not batch.io and not batch.ends_program:
+            return
         said = [number for letter, number in batch.io if letter == "M"]
         if batch.ends_program:
             said.append(COOLANT_OFF)

@@ -330,7 +330,10 @@ def test_the_external_chain_stops_machine_and_job(tmp_path: Path, protocol: str)
     told_wired(tmp_path, story, protocol=protocol)
 
 
-def test_a_job_that_waits_for_a_changer_outlives_a_crash_and_stands_still_behind_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("protocol", ["elvinto", "ncframe"])
+def test_a_job_that_waits_for_a_changer_outlives_a_crash_and_stands_still_behind_it(
+    tmp_path: Path, protocol: str
+) -> None:
     async def story(s: Story) -> None:
         job = await s.bench.job(ONE)
         await s.bench.status(job["id"], "waiting")
@@ -349,7 +352,24 @@ def test_a_job_that_waits_for_a_changer_outlives_a_crash_and_stands_still_behind
             await s.bench.status(job["id"], "completed")
             wired.close()
 
-    told_wired(tmp_path, story)
+    told_wired(tmp_path, story, protocol=protocol)
+
+
+def test_a_grbl_job_that_waits_for_a_changer_is_interrupted_by_a_crash_and_its_tool_is_known(tmp_path: Path) -> None:
+    """The controller may have been reset meanwhile, so nothing goes on by itself."""
+
+    async def story(s: Story) -> None:
+        job = await s.bench.job(f"{BEGIN}T1 M6\nG1 X2\nT2 M6\nG1 X3\nM30\n")
+        await s.bench.status(job["id"], "waiting")
+        await until(lambda: s.router.tools.io.tool == 1, within_s=60)
+        await s.bench.status(job["id"], "waiting")
+        s.wired.close()
+        shop = await s.restarted()
+        view = await s.bench.status(job["id"], "interrupted", within_s=30)
+        assert view["error"]["code"] == "link_lost"
+        assert shop.machines[MACHINE].tools.io.tool == 1
+
+    told_wired(tmp_path, story, protocol="grbl")
 
 
 @TWO

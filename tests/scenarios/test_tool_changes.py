@@ -167,6 +167,24 @@ def test_a_program_that_asks_for_the_tool_that_is_in(tmp_path: Path, protocol: s
     told(bench_of(protocol, tmp_path, kind="manual"), story)
 
 
+@EACH
+def test_a_person_who_takes_long_is_waited_for_in_sight(tmp_path: Path, protocol: str) -> None:
+    async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
+        job = await bench.job("G21\nG90\nG1 X1 F240\nT1 M6\nG1 X2\nM30\n")
+        await bench.status(job["id"], "waiting")
+        await asyncio.sleep(25)
+        waiting = router.tools.io.waiting_for
+        assert (waiting.what, waiting.tool, waiting.overdue) == ("operator", 1, True)
+        said = [event["message"] for event in await history(shop, job["id"], "tool_message")]
+        assert said == ["Put tool 1 into the spindle, then confirm.", "Tool 1 is still waited for."]
+        await asyncio.sleep(60)
+        assert (await bench.status(job["id"], "waiting"))["status"] == "waiting", "nothing is guessed"
+        await router.confirm_tool()
+        await bench.status(job["id"], "completed")
+
+    told(bench_of(protocol, tmp_path, kind="manual", change_timeout=20.0), story)
+
+
 def test_always_ask_asks_for_the_tool_that_is_in(tmp_path: Path) -> None:
     async def story(bench: Bench, shop: Workshop, router: Controller) -> None:
         for _ in range(2):

@@ -32,6 +32,10 @@ def test_every_key_is_handed_on() -> None:
     )
 
 
+def test_a_person_can_be_asked_always() -> None:
+    assert ToolchangerConfig(always_ask=True).io() == IoConfig(kind="manual", always_ask=True)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -39,6 +43,7 @@ def test_every_key_is_handed_on() -> None:
         {"protocol_version": 1, "support_start_change": True},
         {"io_error": "no number"},
         {"jumpers": ["tool-change"]},
+        {"kind": "external", "always_ask": True},
         {"change_position": ["$H"]},
         {"change_position": ["G0 X("]},
         {"change_position": [""]},
