@@ -12,7 +12,7 @@ from pathlib import Path
 
 import hal  # type: ignore[import-not-found]  # LinuxCNC's, of the system's Python
 
-LOOK_EVERY_S = 0.001
+LOOK_EVERY_S = 0.005
 SEEN = ("prepare", "change", "abort")
 
 

@@ -16,7 +16,7 @@ import pytest
 from tests.harness.process import MACHINE, Daemon, daemon, sim_process, until
 from tests.integrations.realhal import Hal, hal
 
-pytestmark = pytest.mark.real
+pytestmark = [pytest.mark.real, pytest.mark.slow]
 
 README = Path(__file__).parents[2] / "integrations/linuxcnc_hal/README.md"
 CHANGER = """
