@@ -117,7 +117,7 @@ def _pressed(app: FastAPI, services: Services) -> None:
         errors=(*PRESSING, "wrong_state", "alarm_active"),
     )
     async def spindle_stop(m: MachineName) -> Response:
-        """Resuming starts the spindle too, and waits until it turns."""
+        """Resuming starts the spindle too. Grbl 1.1 moves on before it turns: start it with this first, and wait."""
         panel_of(services, m).switches.spindle_stop()
         return accepted(m, "spindle_stop")
 

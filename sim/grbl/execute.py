@@ -60,7 +60,8 @@ def _modes(core: Core, plan: Plan) -> Task[None]:
         if modal.spindle != "M5" and not core.memory.on(32):
             yield from _spindle(core, modal.spindle, plan.speed_rpm)
         modal.speed_rpm = plan.speed_rpm
-    modal.tool = int(values.get("T", modal.tool))
+    # Grbl 1.1 forgets T with the next block that does not say it (seen on the firmware).
+    modal.tool = int(values.get("T", modal.tool if core.kind.hal else 0))
     if core.abort:
         return
     if spindle != modal.spindle:

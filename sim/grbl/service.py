@@ -210,7 +210,8 @@ def _watchful(core: Core, seconds: float) -> Task[None]:
 
 
 def _spindle_stop(core: Core) -> Task[None]:
-    """0x9E in Hold:0: off, and on again by a second one or by the resume, which then waits for the spindle."""
+    """0x9E in Hold:0: off, and on again by a second one or by the resume, which waits for the spindle on a grblHAL and
+    does not on Grbl 1.1 (seen on the firmware)."""
     modal = core.modal
     if core.spindle_stop == "stop":
         core.spindle_stop = "stopped" if modal.spindle != "M5" else ""
@@ -221,6 +222,7 @@ def _spindle_stop(core: Core) -> Task[None]:
             core.set_spindle(modal.spindle, modal.speed_rpm)
         resumes = core.spindle_stop == "resume"
         if resumes:
-            yield from _watchful(core, core.kind.spindle_delay_s)
+            if core.kind.hal:
+                yield from _watchful(core, core.kind.spindle_delay_s)
             core.flag(Flag.CYCLE_START)
         core.spindle_stop = ""

@@ -2,6 +2,7 @@
 
 import pytest
 
+from sim.grbl.simsettings import Flavour
 from tests.harness.grblconsole import Console
 
 
@@ -214,3 +215,12 @@ def test_ii_1_overflow_of_the_planner_blocks_the_main_loop_not_the_realtime_byte
     console.tell("!")
     console.wait(1.0)
     assert console.state() == "Hold:0"
+
+
+@pytest.mark.parametrize(("flavour", "kept"), [("1.1h", "T0"), ("grblHAL", "T3")])
+def test_a_tool_word_is_forgotten_by_grbl_with_the_next_block(flavour: Flavour, kept: str) -> None:
+    console = Console(flavour=flavour)
+    console.tell("T3\n")
+    assert " T3 " in console.tell("$G\n")[0]
+    console.tell("G21\n")
+    assert f" {kept} " in console.tell("$G\n")[0]
