@@ -17,7 +17,9 @@ AT_REST: Final[frozenset[MachineStatus]] = frozenset({"idle", "check"})
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """`depth`: batches that may be with the engine at once; one more is planned and journaled.
+    """`depth`: batches that may be with the engine at once; one more is planned and journaled. `least_blocks`: more of
+    them may, as long as they hold no more blocks than that: a controller that proves lines by those behind them needs
+    so many, and a batch of long ways has one or two.
 
     `remembers`: after a break the machine can be asked what became of them (elvinto §5.4); else they are in doubt.
     `holds`: it can stand still in the middle of a batch, go on, and drop what it has (grbl I, feed hold and reset).
@@ -26,6 +28,7 @@ class Delivery:
     """
 
     depth: int = 1
+    least_blocks: int = 0
     remembers: bool = True
     holds: bool = False
     forgets: bool = False
@@ -34,7 +37,7 @@ class Delivery:
     @property
     def most_open(self) -> int:
         """Rows of a job without a durable end, at most."""
-        return self.depth + 1
+        return max(self.depth, self.least_blocks) + 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -121,7 +121,10 @@ class RunState:
     @property
     def has_room(self) -> bool:
         """One more batch may be with the machine."""
-        return len(self.ledger.open) < self.delivery.depth
+        flights = self.ledger.open
+        if len(flights) < self.delivery.depth:
+            return True
+        return sum(len(flight.entry.batch.blocks) for flight in flights) < self.delivery.least_blocks
 
     @property
     def _goes_on(self) -> bool:

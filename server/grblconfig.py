@@ -19,6 +19,9 @@ FLAVOURS = {"grbl-1.1": "grbl", "grblhal": "grblhal"}
 """What a controller says that it is (protocol.events.FirmwareRead)."""
 MAX_BATCHES = 8
 """Rows of the journal that may be with the engine: most of them are in the controller's queue."""
+LEAST_BLOCKS = 64
+"""But so many blocks in any case: a line is known to be executed when those behind it have filled the planner (16) and
+the segment buffer (12, protocol/grbl/errands.py); with less inside the machine would come to rest to prove it."""
 
 
 class GrblConfig(Section):
@@ -72,7 +75,7 @@ class GrblConfig(Section):
 
     def delivery(self) -> Delivery:
         """As many as the engine takes; the controller cannot tell afterwards what it has executed, but it can hold."""
-        return Delivery(depth=MAX_BATCHES, remembers=False, holds=True, forgets=True)
+        return Delivery(depth=MAX_BATCHES, least_blocks=LEAST_BLOCKS, remembers=False, holds=True, forgets=True)
 
     def limits(self) -> BatchLimits:
         """The bounds of a batch: how finely a job's lines are told apart in the journal."""

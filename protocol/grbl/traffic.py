@@ -40,9 +40,9 @@ from protocol.grbl.window import Entry, Window
 
 RECORDED_FRAMES = 400
 """Writes and lines kept for the job's events at a fault: some seconds of a full stream, 40 KB."""
-MAX_BATCHES = 9
-"""Batches that may be with the engine: enough that the window never runs dry between two offers. A job uses one place
-less (server/grblconfig.py), so that what is asked by hand beside it can be handed over."""
+MAX_BATCHES = 65
+"""Batches that may be with the engine: enough that the planner never runs dry where each holds a single line. A job
+uses one place less (server/grblconfig.py), so that what is asked by hand beside it can be handed over."""
 MAX_BY_HAND = 8
 HANDSHAKE_TRIES = 2
 

@@ -44,6 +44,15 @@ def test_a_planner_that_runs_dry_shows() -> None:
     assert witness.lines == 2
 
 
+@pytest.mark.parametrize(("way_mm", "feed_mm_min"), [(100, 1000), (100, 6000)])
+def test_between_long_ways_the_machine_never_comes_to_rest(way_mm: int, feed_mm_min: int) -> None:
+    """Of lines of a second and more a batch holds few: all the same enough are inside to prove the first of them."""
+    ways = [f"G1 X{10 + way_mm * (row % 2)} Y{10 + row} F{feed_mm_min}" for row in range(60)]
+    found = grbl.simulated(as_bytes(iter(["G21 G90", *ways])), compact=True)
+    assert found.motion_s > 55
+    assert found.starved == 0
+
+
 @pytest.mark.real
 def test_grbl_in_real_time() -> None:
     program = [*grbl.carved(1, 60)]
