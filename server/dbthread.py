@@ -36,6 +36,13 @@ Each sync of the disk it is spared is one that the stream does not wait for. Aft
 a batch that was not durable yet is what recovery is for (elvinto §5.4)."""
 RETRY_S = 0.5
 """Between two attempts of a write that failed."""
+DAMAGE = ("malformed", "not a database")
+MEND_DAMAGE = (
+    "Stop the daemon, keep a copy of millstream.db and its -wal, and restore a backup (millstream restore), or "
+    "rescue what can be read: sqlite3 millstream.db .recover | sqlite3 new.db"
+)
+DISK = ("disk I/O error", "unable to open database file", "readonly database")
+MEND_DISK = "Look at the log of the system (dmesg), the quota and the permissions of server.data_dir."
 
 
 class Db(Protocol):
@@ -68,11 +75,44 @@ class _Run:
     future: asyncio.Future[Any]
 
 
-def refusal(error: sqlite3.Error) -> Exception:
-    """A full disk is the user's to mend; everything else of SQLite is an error of the daemon."""
-    if "full" in str(error) or "readonly" in str(error):
-        return ProblemError("disk_full", f"The database cannot be written ({error}). Free some space and try again.")
+Connect = Callable[[Path | str], sqlite3.Connection]
+"""Opens the file. A test hands in connections that die, or whose disk is full."""
+
+
+def plainly(path: Path | str) -> sqlite3.Connection:
+    """A connection that is made on one thread and used on another."""
+    return sqlite3.connect(path, check_same_thread=False)
+
+
+def opened(connection: sqlite3.Connection) -> Database:
+    """The database, its tables as this version has them. Raises sqlite3.Error; the connection is closed then."""
+    db = Database(connection)
+    try:
+        prepare(db)
+    except BaseException:
+        connection.close()
+        raise
+    return db
+
+
+def refusal(error: Exception) -> Exception:
+    """What of SQLite's errors is the user's to mend, in words that say how; everything else is an error of ours."""
+    text = str(error)
+    if not isinstance(error, sqlite3.Error):
+        return error
+    if "full" in text:
+        return ProblemError("disk_full", f"The database cannot be written ({text}). Free some space and try again.")
+    if any(sign in text for sign in DAMAGE):
+        return ProblemError("database_error", f"The database is damaged ({text}). {MEND_DAMAGE}")
+    if any(sign in text for sign in DISK):
+        return ProblemError(
+            "database_error", f"The disk under the database fails ({text}). {MEND_DISK}"
+        )
     return error
+
+
+def _stands_still(error: Exception) -> ProblemError:
+    return ProblemError("database_error", f"The database cannot be written ({error}); the daemon's log says more.")
 
 
 def in_transaction(db: Database, fn: Callable[[Database], T]) -> T:
@@ -103,7 +143,7 @@ class DbThread:
     handed over belongs to the thread.
     """
 
-    def __init__(self, path: Path, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, path: Path, loop: asyncio.AbstractEventLoop, *, connect: Connect = plainly) -> None:
         self._loop = loop
         self._queue: SimpleQueue[_Lot | None] = SimpleQueue()
         """None: nothing more comes."""
@@ -113,8 +153,7 @@ class DbThread:
         self._waiting: deque[_Post | _Run] = deque()
         self._closing = False
         self._trouble: str | None = None
-        self._db = Database(sqlite3.connect(path, check_same_thread=False))
-        prepare(self._db)
+        self._db = opened(connect(path))
         self._thread = threading.Thread(target=self._main, name="database", daemon=True)
         self._thread.start()
 
@@ -199,10 +238,8 @@ class DbThread:
     def _answer(self, run: _Run) -> None:
         try:
             result = in_transaction(self._db, run.fn)
-        except sqlite3.OperationalError as error:
-            self._resolve(run, None, refusal(error))
         except Exception as error:  # noqa: BLE001 - it is raised again where the request waits for it
-            self._resolve(run, None, error)
+            self._resolve(run, None, refusal(error))
         else:
             self._resolve(run, result, None)
 
@@ -231,9 +268,10 @@ class DbThread:
             log.error("The database cannot be written; the journal stands still", exc_info=error)
         self._trouble = str(error)
         self._receive_all()
+        refused = refusal(error)
         for item in [item for item in self._waiting if isinstance(item, _Run)]:
             self._waiting.remove(item)
-            self._resolve(item, None, ProblemError("disk_full", f"The database cannot be written: {error}"))
+            self._resolve(item, None, refused if isinstance(refused, ProblemError) else _stands_still(error))
         if self._closing:
             return False
         with suppress(Empty):
@@ -261,20 +299,26 @@ class DbThread:
 class InlineDb:
     """The same without a thread, for simulated time. `latency_s` is how long a posted write takes to be durable."""
 
-    def __init__(self, path: Path | str, loop: asyncio.AbstractEventLoop, *, latency_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        path: Path | str,
+        loop: asyncio.AbstractEventLoop,
+        *,
+        latency_s: float = 0.0,
+        connect: Connect = plainly,
+    ) -> None:
         self._loop = loop
         self._latency_s = latency_s
         self._posted: deque[_Post] = deque()
         self._timer: asyncio.TimerHandle | None = None
         self.trouble: str | None = None
-        self.db = Database(sqlite3.connect(path))
-        prepare(self.db)
+        self.db = opened(connect(path))
 
     async def run(self, fn: Callable[Concatenate[Database, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
         self.commit()
         try:
             return in_transaction(self.db, lambda db: fn(db, *args, **kwargs))
-        except sqlite3.OperationalError as error:
+        except sqlite3.Error as error:
             raise refusal(error) from error
 
     def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:

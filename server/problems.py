@@ -38,6 +38,7 @@ CODES: dict[str, tuple[int, str]] = {
     "no_preview": (422, "The program cannot be drawn"),
     "too_large": (413, "The upload is larger than allowed"),
     "disk_full": (507, "The disk is full"),
+    "database_error": (500, "The database cannot be used"),
     "command_failed": (409, "The machine refused the command"),
     "no_answer": (504, "The machine did not answer in time"),
     "queue_full": (429, "Too many jobs are waiting"),

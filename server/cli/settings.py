@@ -18,6 +18,7 @@ from server.cli.common import CliError, ExitCode, safe
 from server.cli.daemon import surroundings
 from server.config import Config
 from server.configfile import ConfigError, load
+from server.dbthread import refusal
 from server.restoring import INCOMPLETE
 
 DEFAULT_CONFIG = Path("millstream.toml")
@@ -46,7 +47,7 @@ def database(config: Config) -> Iterator[Database]:
         finally:
             db.close()
     except (OSError, sqlite3.Error) as error:
-        raise CliError(ExitCode.FAILED, f"{path}: the database cannot be used: {safe(error)}") from error
+        raise CliError(ExitCode.FAILED, f"{path}: the database cannot be used: {safe(refusal(error))}") from error
 
 
 @contextmanager

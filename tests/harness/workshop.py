@@ -12,7 +12,7 @@ from typing import Any
 
 from server.app import Parts, Workshop
 from server.config import Config
-from server.dbthread import InlineDb
+from server.dbthread import Connect, InlineDb, plainly
 from server.worker import InlineWorker
 from sim.elvinto.machine import VirtualElvinto
 from sim.elvinto.settings import SimSettings
@@ -77,6 +77,7 @@ class Bench:
     settings: SimSettings = field(default_factory=SimSettings)
     options: dict[str, Any] = field(default_factory=dict)
     latency_s: float = 0.001
+    connect: Connect = plainly
 
     def __post_init__(self) -> None:
         self.machine = VirtualElvinto(self.settings)
@@ -97,7 +98,7 @@ class Bench:
         loop = asyncio.get_running_loop()
 
         def open_db(path: Path) -> InlineDb:
-            self.databases.append(InlineDb(path, loop, latency_s=self.latency_s))
+            self.databases.append(InlineDb(path, loop, latency_s=self.latency_s, connect=self.connect))
             # A crash here is one of the simulated process, never of this computer.
             self.databases[-1].db.execute("pragma synchronous = off")
             return self.databases[-1]

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from sqlite_utils import Database
 
-from server.dbthread import Db, DbThread, InlineDb
+from server.dbthread import Db, DbThread, InlineDb, opened, plainly, refusal
 from server.problems import ProblemError
 from tests.harness.simloop import run_simulated
 
@@ -241,3 +241,53 @@ def test_what_nobody_waits_for_is_written_all_the_same(tmp_path: Path) -> None:
         assert db.groups == [1, 1], "closing waits for what lingers"
 
     asyncio.run(main())
+
+
+@pytest.mark.parametrize(
+    ("said", "code", "advice"),
+    [
+        ("database or disk is full", "disk_full", "Free some space"),
+        ("database disk image is malformed", "database_error", "millstream restore"),
+        ("file is not a database", "database_error", "millstream restore"),
+        ("disk I/O error", "database_error", "dmesg"),
+        ("attempt to write a readonly database", "database_error", "permissions"),
+    ],
+)
+def test_what_people_can_mend_is_told_with_what_to_do(said: str, code: str, advice: str) -> None:
+    refused = refusal(sqlite3.DatabaseError(said))
+    assert isinstance(refused, ProblemError)
+    assert refused.code == code
+    assert said in refused.detail
+    assert advice in refused.detail
+
+
+@pytest.mark.real
+def test_a_posted_write_that_fails_for_a_reason_of_ours_is_no_full_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("server.dbthread.RETRY_S", 0.01)
+
+    async def main() -> None:
+        async with thread(tmp_path) as db:
+            tried = threading.Event()
+
+            def broken(_db: Database) -> None:
+                tried.set()
+                raise ZeroDivisionError
+
+            db.post(broken)
+            await asyncio.to_thread(tried.wait, 10)
+            with pytest.raises(ProblemError) as refused:
+                await db.run(numbers)
+            assert refused.value.code == "database_error"
+
+    asyncio.run(main())
+
+
+def test_a_file_that_is_no_database_is_said_to_be_damaged_and_left_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "m.db"
+    path.write_bytes(b"not a database at all, and long enough to be looked at" * 100)
+    before = path.read_bytes()
+    with pytest.raises(sqlite3.DatabaseError, match="not a database"):
+        opened(plainly(path))
+    assert path.read_bytes() == before
