@@ -40,6 +40,8 @@ OVER = "toolchanger-fault_ | toolchanger-fault-ack_"
 RESET = "user-enable-out^, user-request-enable^, emc-reason=5, emc-abort^ | user-request-enable_"
 DONE = "completed"
 FAILED = "tool_change_failed"
+TWO = ("elvinto", "grbl")
+EACH = (*TWO, "ncframe")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +68,7 @@ class Row:
     prepared: int | None = None
     waits_for: str | None = None
     ignored: tuple[str, ...] = ()
-    protocols: tuple[str, ...] = ("elvinto", "grbl", "ncframe")
+    protocols: tuple[str, ...] = TWO
 
 
 def fault_while_changing(reason: int, ends: str) -> Row:
@@ -80,6 +82,7 @@ def fault_while_changing(reason: int, ends: str) -> Row:
         parameters=(1.0, 1.0, float(reason)),
         place=True,
         prepared=5,
+        protocols=EACH,
     )
 
 
@@ -99,7 +102,14 @@ def fault_while_idle(reason: int, ends: str) -> Row:
 
 ROWS = [
     Row("prepare", [("job", "T5"), *PREPARE], PREPARED_5, prepared=5),
-    Row("change", [("job", "T5 M6"), *PREPARE, *CHANGE], f"{PREPARED_5} | {CHANGED_5}", tool=5, place=True),
+    Row(
+        "change",
+        [("job", "T5 M6"), *PREPARE, *CHANGE],
+        f"{PREPARED_5} | {CHANGED_5}",
+        tool=5,
+        place=True,
+        protocols=EACH,
+    ),
     Row(
         "change with start-change",
         [("job", "T5 M6"), *PREPARE, ("rises", "start-change"), ("stays", 3.0), *START, *CHANGE],
@@ -107,6 +117,7 @@ ROWS = [
         tool=5,
         settings={"support_start_change": True},
         place=True,
+        protocols=EACH,
     ),
     Row(
         "a level that is TRUE before it is asked for",
@@ -125,7 +136,13 @@ ROWS = [
         tool=5,
         place=True,
     ),
-    Row("M6 without a T", [("job", "M6"), *ACK], f"emc-reason=1, emc-abort^ | {ACKED}", ends="no_tool_word"),
+    Row(
+        "M6 without a T",
+        [("job", "M6"), *ACK],
+        f"emc-reason=1, emc-abort^ | {ACKED}",
+        ends="no_tool_word",
+        protocols=EACH,
+    ),
     Row(
         "T of a tool that is not in the table",
         [("job", "T6 M6"), *ACK],
@@ -171,6 +188,7 @@ ROWS = [
         ends="cancelled",
         place=True,
         prepared=5,
+        protocols=EACH,
     ),
     Row(
         "abort with coolant on",
@@ -289,6 +307,7 @@ ROWS = [
         ends="estop",
         place=True,
         refusal="the e-stop is not reset",
+        protocols=EACH,
     ),
     Row(
         "user e-stop with coolant on",
@@ -306,6 +325,7 @@ ROWS = [
         ends="estop",
         place=True,
         refusal="the e-stop is not reset",
+        protocols=EACH,
     ),
     Row(
         "e-stop reset",

@@ -27,7 +27,7 @@ LOST = -1000.0
 @EACH
 @pytest.mark.parametrize(
     ("reason", "status", "message"),
-    [(7, "completed", None), (0, "failed", "toolchanger error 0"), (-5, "failed", "toolchanger error -5")],
+    [(7, "completed", None), (-5, "failed", "toolchanger error -5")],
 )
 def test_what_a_fault_in_the_change_means(
     tmp_path: Path, protocol: str, reason: int, status: str, message: str | None
