@@ -40,43 +40,44 @@ class Served(Protocol):
 
 
 class Fanout:
-    """See the head of this file. It needs a running loop from the first reader with an outlet on."""
+    """See the head of this file. `loop` is None until a reader with an outlet is there: nobody is served before."""
 
     def __init__(self) -> None:
         self._row: deque[Served] = deque()
         self._resting: dict[Served, float] = {}
         self._turn_due = False
         self._timer: asyncio.TimerHandle | None = None
+        self.loop: asyncio.AbstractEventLoop | None = None
 
     def wake(self, reader: Served) -> None:
         """Something waits for this reader, or it takes messages again. Harmless at any time."""
         if reader.listed or reader.outlet is None or (due_at := reader.due_at) is None:
             return
-        loop = asyncio.get_running_loop()
-        if not due_at or due_at <= loop.time():
-            self._line_up(reader, loop)
+        assert self.loop is not None
+        if not due_at or due_at <= self.loop.time():
+            self._line_up(reader)
         elif due_at < self._resting.get(reader, float("inf")):
             self._resting[reader] = due_at
-            self._set_timer(due_at, loop)
+            self._set_timer(due_at)
 
     def forget(self, reader: Served) -> None:
         """It has gone."""
         self._resting.pop(reader, None)
 
-    def _line_up(self, reader: Served, loop: asyncio.AbstractEventLoop) -> None:
+    def _line_up(self, reader: Served) -> None:
         reader.listed = True
         self._resting.pop(reader, None)
         self._row.append(reader)
-        self._ask_for_turn(loop)
+        self._ask_for_turn()
 
-    def _ask_for_turn(self, loop: asyncio.AbstractEventLoop) -> None:
-        if not self._turn_due:
+    def _ask_for_turn(self) -> None:
+        if not self._turn_due and self.loop is not None:
             self._turn_due = True
-            loop.call_soon(self._turn)
+            self.loop.call_soon(self._turn)
 
     def _turn(self) -> None:
-        loop = asyncio.get_running_loop()
-        now = loop.time()
+        assert self.loop is not None
+        now = self.loop.time()
         self._turn_due = False
         try:
             for _ in range(min(SENDS_A_TURN, len(self._row))):
@@ -89,21 +90,22 @@ class Fanout:
                     self.wake(reader)
         finally:
             if self._row:
-                self._ask_for_turn(loop)
+                self._ask_for_turn()
 
-    def _set_timer(self, due_at: float, loop: asyncio.AbstractEventLoop) -> None:
+    def _set_timer(self, due_at: float) -> None:
+        assert self.loop is not None
         tick_at = ceil(due_at / TICK_S) * TICK_S
         if self._timer is not None:
             if self._timer.when() <= tick_at:
                 return
             self._timer.cancel()
-        self._timer = loop.call_at(tick_at, self._tick)
+        self._timer = self.loop.call_at(tick_at, self._tick)
 
     def _tick(self) -> None:
-        loop = asyncio.get_running_loop()
+        assert self.loop is not None
         self._timer = None
-        now = loop.time()
+        now = self.loop.time()
         for reader in [reader for reader, due_at in self._resting.items() if due_at <= now]:
-            self._line_up(reader, loop)
+            self._line_up(reader)
         if self._resting:
-            self._set_timer(min(self._resting.values()), loop)
+            self._set_timer(min(self._resting.values()))

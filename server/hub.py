@@ -4,6 +4,7 @@ Not a socket (that is `server/ws.py`), not what waits for one reader (`server/su
 history is in the database. It lives on the loop's thread. The one rule: `publish` never waits and never grows.
 """
 
+import asyncio
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime, timedelta
@@ -22,6 +23,11 @@ CONSOLE_READERS = 4
 """So many readers get every console line. A Grbl at work says and hears 700 lines a second: for a hundred readers that
 would be 10 MB a second, and some percent of a core for the loop."""
 CONSOLE_LINES = 1000
+CONSOLE_GATHER_S = 0.05
+"""Console lines wait so long for others to go with: each reader is offered one piece then, and not each line in the
+moment in which the machine waits for the next."""
+CONSOLE_PIECE_LINES = 64
+"""More do not wait."""
 CONSOLE_SLICE = timedelta(seconds=0.1)
 """With more readers so many lines in that time, counted for each, go to all of them; the others are left out."""
 
@@ -60,6 +66,9 @@ class Hub:
         self.published: Counter[str] = Counter()
         self.cut_readers = 0
         self._left_out = 0
+        self._gathered: dict[str | None, list[bytes]] = {}
+        """Console lines of each machine that nobody has been offered yet."""
+        self._alarm: asyncio.TimerHandle | None = None
 
     @property
     def seq(self) -> int:
@@ -99,12 +108,37 @@ class Hub:
             return self._seq
         content = data() if callable(data) else data
         frame = text_frame(self.envelope(type, content, machine=machine, seq=self._seq))
+        if type == CONSOLE:
+            self._gather(machine, frame)
+            return self._seq
         message = Message(self._seq, type, machine, frame)
         if kept:
+            self.hand_out_lines()  # they were said before
             self._keep(message)
         for reader in readers:
             reader.offer(message)
         return self._seq
+
+    def _gather(self, machine: str | None, line: bytes) -> None:
+        lines = self._gathered.setdefault(machine, [])
+        lines.append(line)
+        if len(lines) >= CONSOLE_PIECE_LINES:
+            self.hand_out_lines()
+        elif self._alarm is None and (loop := self._fanout.loop) is not None:
+            self._alarm = loop.call_later(CONSOLE_GATHER_S, self.hand_out_lines)
+
+    def hand_out_lines(self) -> None:
+        """Offer the console lines that were gathered."""
+        if self._alarm is not None:
+            self._alarm.cancel()
+            self._alarm = None
+        if not self._gathered:
+            return
+        gathered, self._gathered = self._gathered, {}
+        for machine, lines in gathered.items():
+            piece = b"".join(lines)
+            for reader in self._readers_of(CONSOLE, machine):
+                reader.offer_lines(piece, len(lines))
 
     def _readers_of(self, type: str, machine: str | None) -> tuple[Subscription, ...]:  # noqa: A002
         readers = self._takers.get((type, machine))
@@ -135,6 +169,7 @@ class Hub:
 
     def subscribe(self, wanted: Filter) -> Subscription:
         """A new reader; it gets what is published from now on, once it begins. Pair with `unsubscribe`."""
+        self.hand_out_lines()
         subscription = Subscription(wanted, self._fanout, self._takers.clear)
         self._subscriptions.add(subscription)
         self._takers.clear()

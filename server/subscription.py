@@ -1,4 +1,4 @@
-"""What waits for one reader of the WebSocket: events in order, console lines gathered, of states the newest.
+"""What waits for one reader of the WebSocket: events and console lines in order, of states the newest.
 
 Not the socket and not the turn of the loop in which it is sent (`server/fanout.py`). The one rule: nothing here waits
 and nothing grows: a reader that does not read loses states first, console lines next, and then its connection.
@@ -17,14 +17,12 @@ TOPICS = (STATE, "job", "queue", CONSOLE, "alarm", "tool", "io", "program", "log
 """What can be subscribed to; `hello` and `result` come by themselves."""
 
 QUEUE_LIMIT = 1024
-"""Messages waiting for one reader; at the next one its connection is cut. It can come back with `since=`."""
+"""Messages, and pieces of console lines, waiting for one reader; at the next one its connection is cut. It can come
+back with `since=`."""
 QUEUE_LIMIT_BYTES = 4 * 1024 * 1024
-"""The same bound in bytes, because a console line may be 8 KiB long."""
+"""The same bound in bytes, because a queue of a thousand jobs has 100 KB."""
 CONSOLE_LIMIT = QUEUE_LIMIT // 2
 """From this many waiting messages on, console lines for this reader are left out (and counted)."""
-CONSOLE_GATHER_S = 0.05
-"""A console line waits so long for others to go with: a Grbl at work says and hears 700 lines a second, and what costs
-is the send, not the lines in it."""
 PIECE_BYTES = 64 * 1024
 """As much as a socket is given at once: asyncio's own mark for asking a writer to pause."""
 DEFAULT_RATE_HZ = 20.0
@@ -72,8 +70,6 @@ class Subscription:
         self._owed: deque[bytes] = deque()
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
-        self._gather_until = 0.0
-        """In the future only while nothing but console lines waits."""
         self._states: dict[str | None, bytes] = {}
         self._state_due_at = 0.0
         self._cut = asyncio.Event()
@@ -81,6 +77,7 @@ class Subscription:
     def begin(self, outlet: Outlet, owed: Iterable[bytes] = ()) -> None:
         """Send to `outlet` from now on: first the frames that are owed, then what waits."""
         self.outlet = outlet
+        self._fanout.loop = asyncio.get_running_loop()
         self._owed.extend(owed)
         self.wake()
 
@@ -105,33 +102,24 @@ class Subscription:
             # The newest state takes the place of the one that still waits: never a backlog.
             self._states[message.machine] = message.frame
             self.wake()
-        elif message.type == CONSOLE:
-            self._gather(message.frame)
         else:
             self.push(message.frame)
 
+    def offer_lines(self, frames: bytes, lines: int) -> None:
+        """Take so many console lines in one piece, unless too much waits already."""
+        if len(self._waiting) >= CONSOLE_LIMIT:
+            self.left_out += lines
+        else:
+            self.push(frames)
+
     def push(self, frame: bytes) -> None:
         """Queue a frame for this reader (or an answer to its own command), after what already waits."""
-        self._gather_until = 0.0
-        self._queue(frame)
-        self.wake()
-
-    def _gather(self, line: bytes) -> None:
-        if len(self._waiting) >= CONSOLE_LIMIT:
-            self.left_out += 1
-            return
-        is_first = not self._waiting and self.outlet is not None
-        self._queue(line)
-        if is_first:
-            self._gather_until = asyncio.get_running_loop().time() + CONSOLE_GATHER_S
-            self.wake()
-
-    def _queue(self, frame: bytes) -> None:
         if len(self._waiting) >= QUEUE_LIMIT or self._waiting_bytes + len(frame) > QUEUE_LIMIT_BYTES:
             self.cut("it does not read fast enough")
         elif not self.is_cut:
             self._waiting.append(frame)
             self._waiting_bytes += len(frame)
+            self.wake()
 
     def cut(self, reason: str) -> None:
         """Give the reader up and free what waits for it."""
@@ -154,11 +142,9 @@ class Subscription:
     @property
     def due_at(self) -> float | None:
         """When something may be sent; None while nothing waits."""
-        if self._owed:
+        if self._owed or self._waiting:
             return 0.0
-        if not self._waiting:
-            return self._state_due_at if self._states else None
-        return min(self._gather_until, self._state_due_at) if self._states else self._gather_until
+        return self._state_due_at if self._states else None
 
     def take(self, now: float) -> bytes:
         """The frames that may go now, in order, PIECE_BYTES and the rest of one frame at most."""

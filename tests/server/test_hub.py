@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from server.hub import (
     CONSOLE_LINES,
+    CONSOLE_PIECE_LINES,
     CONSOLE_READERS,
     CONSOLE_SLICE,
     REPLAY_LIMIT,
@@ -69,6 +70,7 @@ def test_many_consoles_are_thinned_and_few_never_are() -> None:
     few = [h.subscribe(Filter()) for _ in range(CONSOLE_READERS)]
     for _ in range(CONSOLE_LINES):
         h.publish("console", "router", {})
+        h.hand_out_lines()
         for reader in few:
             assert reader.take(0.0)
     many = [h.subscribe(Filter()) for _ in range(CONSOLE_LINES // 4 - CONSOLE_READERS)]
@@ -79,6 +81,7 @@ def test_many_consoles_are_thinned_and_few_never_are() -> None:
     assert h.console_left_out == left_out, "a slice has four lines for all these readers"
     now += CONSOLE_SLICE
     h.publish("console", "router", {})
+    h.hand_out_lines()
     assert h.console_left_out == left_out
     types = [message["type"] for message in messages(many[0].take(0.0))]
     assert types.count("job") == 10, "nothing else is left out"
@@ -206,6 +209,7 @@ def test_what_a_machine_says_cannot_break_the_json() -> None:
     h = hub()
     reader = h.subscribe(Filter())
     h.publish("console", "router", {"text": "\ud800\u2028</script>\x00", "x": float("nan"), "y": [float("inf")]})
+    h.hand_out_lines()
     (text,) = texts(reader.take(0.0))
     assert text.isascii()
     assert json.loads(text)["data"] == {"text": "\ud800\u2028</script>\x00", "x": None, "y": [None]}
@@ -237,8 +241,18 @@ def test_what_somebody_gets_is_made_once_for_all() -> None:
     h, data = hub(), Asked()
     readers = [h.subscribe(Filter()) for _ in range(3)]
     h.publish("console", "mill", data)
+    h.hand_out_lines()
     assert [messages(reader.take(0.0))[0]["data"] for reader in readers] == [{"text": "G1 X1"}] * 3
     assert data.times == 1
+
+
+def test_lines_that_nobody_hands_out_do_not_grow() -> None:
+    h = hub()
+    reader = h.subscribe(Filter())
+    for _ in range(CONSOLE_PIECE_LINES):
+        assert reader.take(0.0) == b""
+        h.publish("console", "mill", {})
+    assert len(messages(reader.take(0.0))) == CONSOLE_PIECE_LINES
 
 
 def test_what_can_be_asked_for_later_is_made_with_nobody_there() -> None:

@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from server.fanout import TICK_S
-from server.hub import Hub
+from server.hub import CONSOLE_GATHER_S, Hub
 from server.subscription import (
-    CONSOLE_GATHER_S,
     CONSOLE_LIMIT,
     PIECE_BYTES,
     QUEUE_LIMIT,
@@ -116,17 +115,28 @@ def test_console_lines_are_gathered_and_nothing_else_waits_for_them() -> None:
         assert len(ear.pieces) == 1
         h.publish("console", "router", {"n": 30})
         h.publish("state", "router", {"n": 31})
-        await asyncio.sleep(0)
-        await asyncio.sleep(0)
-        assert [message["data"]["n"] for message in ear.heard[30:]] == [30, 31]
         h.publish("console", "router", {"n": 32})
         h.publish("job", "router", {"n": 33})
-        await asyncio.sleep(0)
-        await asyncio.sleep(0)
-        assert [message["data"]["n"] for message in ear.heard[32:]] == [32, 33]
+        for _ in range(3):
+            await asyncio.sleep(0)
+        assert [message["data"]["n"] for message in ear.heard[30:]] == [30, 32, 33, 31]
+        assert len(ear.pieces) == 2, "who is served is given all there is"
         h.publish("console", "router", {"n": 34})
         await asyncio.sleep(2 * CONSOLE_GATHER_S)
         assert ear.heard[-1]["data"]["n"] == 34
+
+    run(main())
+
+
+def test_who_comes_now_gets_no_line_of_before() -> None:
+    async def main() -> None:
+        h, early, late = hub(), Ear(), Ear()
+        h.subscribe(Filter()).begin(early)
+        h.publish("console", "router", {"n": 1})
+        h.subscribe(Filter()).begin(late)
+        h.publish("console", "router", {"n": 2})
+        await asyncio.sleep(1)
+        assert [[message["data"]["n"] for message in ear.heard] for ear in (early, late)] == [[1, 2], [2]]
 
     run(main())
 
@@ -136,6 +146,7 @@ def test_nothing_but_state_and_console_is_ever_left_out() -> None:
     reader = h.subscribe(Filter())
     for _ in range(QUEUE_LIMIT * 2):
         h.publish("console", "router", {})
+        h.hand_out_lines()
     for number in range(QUEUE_LIMIT - CONSOLE_LIMIT):
         h.publish("job", "router", {"n": number})
     types: list[str] = []
