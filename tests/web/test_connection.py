@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, expect
 
-from tests.harness.browser import Screen
+from tests.harness.browser import Screen, serious
 from tests.harness.process import Daemon, daemon
 
 pytestmark = pytest.mark.real
@@ -57,6 +57,7 @@ def test_a_daemon_that_hangs_is_noticed_within_two_seconds_and_comes_back(
         for button in ("start", "home", "unlock"):
             expect(one.named(button)).to_have_attribute("aria-disabled", "true")
         assert one.page.locator("#estop").is_visible()
+        assert serious(one.page) == [], "old figures are still read"
     finally:
         os.kill(own.pid, signal.SIGCONT)
     alive(one)
@@ -86,6 +87,8 @@ def test_who_has_no_token_signs_in_and_a_viewer_only_looks(guarded: Daemon, scre
     one.allowed.append(r"status of 401")
     one.page.goto(guarded.url)
     token, button = one.page.locator("input[name=token]"), one.page.get_by_role("button", name="Sign in")
+    expect(token).to_be_visible()
+    assert serious(one.page) == []
     token.fill("mill_wrong")
     button.click()
     expect(one.page.get_by_role("alert").filter(has_text="token")).to_be_visible()
