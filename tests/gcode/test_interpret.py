@@ -73,6 +73,7 @@ codes = st.sampled_from(
         "G21",
         "G93",
         "G94",
+        "G95",
         "G54",
         "G55",
         "G92",
