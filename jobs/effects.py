@@ -117,8 +117,9 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class ToolAsk:
-    """Ask the tool changer. `number`: the tool; of `coolant` the code, 7, 8 or 9, and -7, -8 for one of both off. `again`: a tool
-    that a daemon before us has asked for, and nobody has seen the end of it. The answer may come at once."""
+    """Ask the tool changer. `number`: the tool; of `coolant` the code, 7, 8 or 9, and -7, -8 for one of both off.
+    `again`: a tool that a daemon before us has asked for, and nobody has seen the end of it. The answer may come at
+    once."""
 
     what: Literal["prepare", "start", "change", "set", "again", "coolant"]
     number: int | None = None

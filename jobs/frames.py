@@ -19,7 +19,8 @@ from gcode.ncframe.rules import FrameRules
 from gcode.profile import Profile
 from gcode.state import State
 from gcode.toolcodes import coolant_codes
-from jobs.upcoming import Barrier, PlanError, Upcoming
+from jobs.barriers import Barrier
+from jobs.upcoming import PlanError, Upcoming
 from protocol.commands import Position
 from protocol.errors import LocalError
 

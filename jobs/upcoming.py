@@ -12,7 +12,7 @@ from math import inf
 
 import numpy as np
 
-from gcode.blocks import Blocks, CodeTable
+from gcode.blocks import Blocks
 from gcode.clean import clean
 from gcode.columns import Columns, read_columns
 from gcode.inches import InchConverter
@@ -20,15 +20,16 @@ from gcode.interpret import Reading
 from gcode.motion import Motion
 from gcode.planner import plan
 from gcode.profile import Profile
-from gcode.segments import DWELL, HOMING, PROBE, Bools, Floats, Ints, Segments
+from gcode.segments import DWELL, Segments
 from gcode.state import State
 from gcode.words import Block, parse_block
 from gcode.writer import Writer
-from jobs.toolblocks import ToolBlocks, leading, rest_of, restoring, set_by, wanted_by
+from jobs import ways
+from jobs.barriers import Barrier, barrier_of, io_words
+from jobs.toolblocks import ToolBlocks, leading, rest_of, restoring, wanted_by
 from protocol.commands import Position
 from protocol.errors import LocalError
 
-COOLANT = frozenset({"mist", "flood", "coolant_off"})
 STANDSTILL = "G4P0"
 """In the place of an M61 alone in its line: a block that waits until everything before it is executed."""
 LINES_AT_ONCE = 768
@@ -41,22 +42,6 @@ class PlanError(LocalError):
     def __init__(self, line: int, reason: str) -> None:
         super().__init__(f"line {line}: {reason}")
         self.line = line
-
-
-@dataclass(frozen=True, slots=True)
-class Barrier:
-    """Why a block travels alone (elvinto §7)."""
-
-    locate: bool = False
-    ends_program: bool = False
-    tool_change: bool = False
-    pauses: bool = False
-    set_tool: int | None = None
-
-    @property
-    def of_tools(self) -> bool:
-        """It is an M6 or an M61."""
-        return self.tool_change or self.set_tool is not None
 
 
 @dataclass(slots=True)  # not frozen: that doubles the time of making one, and there is one a block
@@ -265,11 +250,11 @@ class BlockReader:
         rows = segments.line - begin
         each_s = plan(segments, self._rules.motion)
         seconds = np.bincount(rows, weights=each_s, minlength=count)
-        uncertain = np.bincount(rows, weights=_is_uncertain(segments, piece.blocks), minlength=count) > 0
+        uncertain = np.bincount(rows, weights=ways.is_uncertain(segments, piece.blocks), minlength=count) > 0
         cost_s = np.where(uncertain, inf, seconds).tolist()
         moves = (np.bincount(rows, weights=segments.kind != DWELL, minlength=count) > 0).tolist()
-        places = _places(segments, begin, count, self.place)
-        reaches_mm = _reaches(segments, rows, count)
+        places = ways.places(segments, begin, count, self.place)
+        reaches_mm = ways.reaches_mm(segments, rows, count)
         if max(map(len, written), default=0) > self._rules.max_block_bytes:
             self._refuse_too_long(piece.lines[begin:end], written)
         found = [
@@ -343,78 +328,9 @@ class BlockReader:
         raise PlanError(line, f"the block has {len(text)} bytes, the machine takes {most_bytes}")
 
 
-def io_words(columns: Columns, blocks: Blocks, table: CodeTable) -> dict[int, tuple[tuple[str, int], ...]]:
-    """What the rows say to a tool changer: T, and M7 to M9 where they switch coolant."""
-    words = [("T", int(columns.row[at]), int(columns.value[at])) for at in np.flatnonzero(columns.letter == ord("T"))]
-    for number, rows in blocks.settings.items():
-        code = table.codes[number]
-        if code.sets in COOLANT and code.name in ("M7", "M8", "M9"):
-            words += [("M", int(row), int(code.name[1:])) for row in rows]
-    found: dict[int, tuple[tuple[str, int], ...]] = {}
-    for letter, row, value in words:
-        found[row] = (*found.get(row, ()), (letter, value))
-    return found
-
-
-def barrier_of(block: Block, profile: Profile) -> Barrier | None:
-    """What makes `block` travel alone (elvinto §7); None for the many that do not."""
-    found = locate = ends_program = tool_change = set_tool = False
-    for word in block.words:
-        if word.letter in profile.barrier_letters:
-            found = True
-        if word.letter not in profile.code_letters:
-            continue
-        code = profile.codes.get(word.code)
-        if code is None:
-            # Nobody knows what it does, so nothing else may hang on it.
-            found = locate = True
-        elif code.barrier:
-            found = True
-            locate |= code.locate
-            ends_program |= code.effect == "program_end"
-            tool_change |= code.effect in ("tool_change", "load_tool")
-            set_tool |= code.effect == "set_tool"
-    if not found:
-        return None
-    return Barrier(locate, ends_program, tool_change, set_tool=set_by(block) if set_tool else None)
-
-
 def _place(state: State) -> tuple[float, ...]:
     return tuple([machine - offset for machine, offset in zip(state.position, state.frame, strict=True)])
 
 
 def _has_inches(columns: Columns) -> bool:
     return bool(np.any((columns.letter == ord("G")) & (columns.value == 20.0)))
-
-
-def _is_uncertain(segments: Segments, blocks: Blocks) -> Bools:
-    """Segments whose length is not known: an axis that is known at one end only, or that is named and known at none."""
-    lost_start, lost_end = np.isnan(segments.start), np.isnan(segments.end)
-    uncertain: Bools = np.any(lost_start ^ lost_end, axis=0) | (segments.kind == HOMING)
-    for row, axis in enumerate(segments.axes):
-        named = blocks.letters.get(axis)
-        if named is not None:
-            uncertain |= lost_end[row] & named.has[segments.line]
-    return uncertain
-
-
-def _reaches(segments: Segments, rows: Ints, count: int) -> list[float]:
-    """How far the last segment of each row takes one of X, Y, Z; 0 where that is not known, or may come otherwise."""
-    linear = [row for axis in "XYZ" if (row := segments.row(axis)) is not None]
-    way = np.nan_to_num(np.abs(segments.way[linear]))
-    way[:, (segments.kind == DWELL) | (segments.kind == HOMING) | (segments.kind == PROBE)] = 0.0
-    reaches = np.zeros(count)
-    if linear:
-        reaches[rows] = way.max(axis=0)
-    return list(reaches.tolist())
-
-
-def _places(segments: Segments, begin: int, count: int, behind: tuple[float, ...]) -> list[tuple[float, ...]]:
-    """Program coordinates behind each of `count` rows from `begin`; `behind` all of them.
-
-    Where the next segment starts, and not where the one before ended: a cycle may leave the tool somewhere else.
-    """
-    frames: Floats = np.array(segments.frames, np.float64).reshape(-1, len(segments.axes))[segments.frame].T
-    starts = [*zip(*(segments.start - frames).tolist(), strict=True), behind]
-    following = np.searchsorted(segments.line, np.arange(begin, begin + count), side="right")
-    return [starts[place] for place in following.tolist()]

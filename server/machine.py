@@ -6,7 +6,7 @@ Not the wire (protocol), not the job's logic (jobs/runner.py), not HTTP. The one
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
 from gcode.profile import load_profile
@@ -115,7 +115,7 @@ class Machine:
         self._state_seq = 0
         self._state_at: str | None = None
         self._logged_at: dict[str, float] = {}
-        self._recorder = Recorder()
+        self._recorder = Recorder(clock.now, self._loop.time)
         self._acks = AckTimer(self.metrics)
         self._reconnect = Reconnect(self._open_epoch, self._refused)
         self.manual = Manual(self.name, self._loop)
@@ -273,9 +273,9 @@ class Machine:
     def _handle(self, event: Event) -> bool:
         """An event of the engine; whether anything may follow from it (link.py)."""
         if isinstance(event, MessagesSeen):
-            self._seen(*event.messages)
+            self._seen(event.messages)
         elif isinstance(event, MessageSeen):
-            self._seen((event.direction, event.text))
+            self._seen(((event.direction, event.text),))
         else:
             self._happened(event)
             return True
@@ -366,14 +366,14 @@ class Machine:
             "state", self.name, lambda: {**self.state_view(), "link": self.link_status, **self._acks.view()}
         )
 
-    def _seen(self, *messages: tuple[str, str]) -> None:
-        at, heard = self._clock.now(), False
+    def _seen(self, messages: Iterable[tuple[str, str]]) -> None:
+        now, heard, recorder = self._loop.time(), False, self._recorder
         for direction, text in messages:
             heard = heard or direction == "<"
-            self._recorder.record(direction, text, at)
-            self._hub.publish("console", self.name, self._recorder.newest)
+            recorder.record(direction, text, now)
+            self._hub.publish("console", self.name, recorder.newest)
         if heard:
-            self._last_life_at = now = self._loop.time()
+            self._last_life_at = now
             self.stream.heard(now)
 
     def _fault(self, fault: ProtocolFault) -> None:

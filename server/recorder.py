@@ -4,8 +4,8 @@ Not the history (jobs/history.py) and not a log file. The one rule: it is bounde
 """
 
 from collections import deque
-from collections.abc import Iterable
-from datetime import datetime
+from collections.abc import Callable, Iterable
+from datetime import datetime, timedelta
 from itertools import islice
 from typing import Any
 
@@ -19,27 +19,31 @@ DUMPED_FRAMES = 200
 
 
 class Recorder:
-    """The console of one machine. Kept as it came, written out for whoever asks: mostly nobody does."""
+    """The console of one machine. Kept as it came, written out for whoever asks: mostly nobody does. `wall` is the time
+    for people, `time` that of the loop, by which messages are kept: it costs a fifth."""
 
-    def __init__(self) -> None:
-        self._messages: deque[tuple[datetime, str, str]] = deque(maxlen=CONSOLE_MESSAGES)
+    def __init__(self, wall: Callable[[], datetime], time: Callable[[], float]) -> None:
+        self._wall = wall
+        self._time = time
+        self._messages: deque[tuple[float, str, str]] = deque(maxlen=CONSOLE_MESSAGES)
 
-    def record(self, direction: str, text: str, at: datetime) -> None:
+    def record(self, direction: str, text: str, now: float) -> None:
         """Keep a message (protocol.events.MessageSeen)."""
-        self._messages.append((at, direction, text[:MESSAGE_CHARS]))
+        self._messages.append((now, direction, text[:MESSAGE_CHARS]))
 
     def newest(self) -> dict[str, Any]:
         """The last message. Raises IndexError before there is one."""
-        return _entry(*self._messages[-1])
+        return self._entry(self._wall(), self._time(), self._messages[-1])
 
     def console(self, limit: int) -> list[dict[str, Any]]:
         """The last messages, oldest first."""
         messages = islice(self._messages, max(0, len(self._messages) - max(0, limit)), None)
-        return [_entry(*message) for message in messages]
+        wall, now = self._wall(), self._time()
+        return [self._entry(wall, now, message) for message in messages]
 
-
-def _entry(at: datetime, direction: str, text: str) -> dict[str, Any]:
-    return {"at": rfc3339(at), "direction": direction, "text": text}
+    def _entry(self, wall: datetime, now: float, message: tuple[float, str, str]) -> dict[str, Any]:
+        at, direction, text = message
+        return {"at": rfc3339(wall - timedelta(seconds=now - at)), "direction": direction, "text": text}
 
 
 def dump(frames: Iterable[Frame], *, now: float) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from protocol.commands import (
 from protocol.elvinto.codec import Message, encode_gcode, encode_message
 from protocol.elvinto.dialect import Dialect
 from protocol.elvinto.ids import LAST_PROBE_ID
-from protocol.elvinto.phases import EMERGENCY, STEPS, Phase, Turn
+from protocol.elvinto.phases import EMERGENCY, EMERGENCY_TRIES, HANDSHAKE, STEPS, Phase, Turn
 from protocol.elvinto.reports import ALARM_EMERGENCY, ALARMS, FileListing, integer, read_state
 from protocol.elvinto.settle import Case
 from protocol.elvinto.settling import Settling
@@ -42,9 +42,6 @@ from protocol.events import (
     StateReported,
     ToolRequested,
 )
-
-EMERGENCY_TRIES = 30
-HANDSHAKE = frozenset({Phase.INIT, Phase.GREET, Phase.REPORT, Phase.LOCATE})
 
 
 class ElvintoEngine(Settling):

@@ -6,7 +6,7 @@ docs/elvinto-phases.md is made from STEPS and OUTCOMES (`python -m protocol.elvi
 import sys
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Literal
+from typing import Final, Literal
 
 from protocol import statepage
 from protocol.commands import Position, SendBatch
@@ -146,6 +146,12 @@ class Flight:
     def repeatable(self) -> bool:
         """Whether its repetition needs no care: the end of a program (§5.6), clearing an alarm."""
         return self.batch.ends_program or self.kind == "alarm"
+
+
+EMERGENCY_TRIES: Final = 30
+"""How often W98 goes out again before nobody can be reached."""
+HANDSHAKE: Final = frozenset({Phase.INIT, Phase.GREET, Phase.REPORT, Phase.LOCATE})
+"""Before the machine takes commands."""
 
 
 def page() -> str:

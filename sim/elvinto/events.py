@@ -1,7 +1,10 @@
 """What happened inside the virtual machine, for tests and for the console of `millstream sim`."""
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
+
+MAX_EVENTS: Final = 10_000
+"""Events that nobody took; the oldest are forgotten."""
 
 
 @dataclass(slots=True)

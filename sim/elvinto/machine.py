@@ -7,12 +7,13 @@ dropped without a word and counted in `dropped`.
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
-from typing import Final, Literal
+from typing import Literal
 
 from sim.elvinto.admission import Situation, judge_command, judge_question
 from sim.elvinto.codec import Message
 from sim.elvinto.commands import Command
 from sim.elvinto.events import (
+    MAX_EVENTS,
     AlarmCleared,
     AlarmRaised,
     BlockFinished,
@@ -35,9 +36,6 @@ from sim.elvinto.reports import Reports
 from sim.elvinto.settings import SimSettings
 from sim.elvinto.voice import Voice
 from sim.motion import AXES, Point
-
-MAX_EVENTS: Final = 10_000
-"""Events that nobody took; the oldest are forgotten, `executed` and `dropped` are not."""
 
 Status = Literal["off", "boot", "idle", "run", "cnscalarm", "axisalarm"]
 

@@ -1,4 +1,4 @@
-"""Blocks ready to go: how far each takes a linear axis. Text, time and barriers of blocks are in test_batch.py."""
+"""What is known of each line: how far it takes a linear axis. Places and times are looked at in test_batch.py."""
 
 import pytest
 from hypothesis import given
