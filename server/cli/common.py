@@ -8,6 +8,7 @@ import asyncio
 import json
 import signal
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -90,8 +91,9 @@ def say_json(data: object) -> None:
 
 
 def warn(text: str) -> None:
-    """A line on standard error."""
-    typer.echo(text, err=True)
+    """A line on standard error. A log on a full disk is no reason to fail."""
+    with suppress(OSError):
+        typer.echo(text, err=True)
 
 
 def terminal(*, stderr: bool = False) -> Console:

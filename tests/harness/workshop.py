@@ -78,6 +78,8 @@ class Bench:
     options: dict[str, Any] = field(default_factory=dict)
     latency_s: float = 0.001
     connect: Connect = plainly
+    set_back_s: float = 0.0
+    """What the clock for people is wrong by when the next daemon starts."""
 
     def __post_init__(self) -> None:
         self.machine = VirtualElvinto(self.settings)
@@ -104,7 +106,7 @@ class Bench:
             return self.databases[-1]
 
         parts = Parts(
-            clock=LoopClock(loop),
+            clock=LoopClock(loop, set_back_s=self.set_back_s),
             open_db=open_db,
             worker=lambda _name: InlineWorker(),
             opener=lambda _config: self.cable,
