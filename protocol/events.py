@@ -4,7 +4,7 @@ A peer's misbehaviour is an event here, never an exception. Wire texts inside ev
 length by the codec, to be escaped by whoever shows them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -82,7 +82,7 @@ class MessageSeen:
 class MessagesSeen:
     """Messages for the console that came and went in one go, in their order: direction and text."""
 
-    messages: tuple[tuple[Literal[">", "<"], str], ...]
+    messages: Sequence[tuple[Literal[">", "<"], str]]
 
 
 # --- state ----------------------------------------------------------------------------------------------------

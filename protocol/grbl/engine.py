@@ -154,7 +154,7 @@ class GrblEngine(Watching):
     def next_event(self) -> Event | None:
         """What happened, oldest first; what was said before what follows from it."""
         if self._seen:
-            seen, self._seen = tuple(self._seen), []
+            seen, self._seen = self._seen, []
             return MessagesSeen(seen)
         return self._events.popleft() if self._events else None
 

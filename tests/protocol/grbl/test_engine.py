@@ -1007,3 +1007,30 @@ class TestAnything:
         scene = ready()
         assert {direction for seen in scene.take(MessagesSeen) for direction, _ in seen.messages} == {"<", ">"}
         assert any(b"[OPT" in frame.data for frame in scene.engine.recent_frames())
+
+
+class TestQuickWay:
+    """An ok that comes alone is taken without the decoder: what follows from it is the same."""
+
+    @settings(deadline=None, max_examples=40)
+    @given(
+        st.lists(st.sampled_from(["G1X1F500", "X2", "X2.001Y5", "M8", "G4P0", "G10L2P1X0", "T3", "G92X0"]), min_size=1),
+        st.integers(1, 5),
+        st.lists(st.sampled_from(["ok", "ok", "ok", "error:20", RUN, IDLE]), max_size=60),
+        st.booleans(),
+    )
+    def test_however_the_answers_are_cut(self, lines: list[str], size: int, said: list[str], by_bytes: bool) -> None:
+        alone, cut = ready(), ready()
+        for scene in (alone, cut):
+            for start in range(0, len(lines), size):
+                scene.batch(*lines[start : start + size], on_error="ignore")
+        sent = [alone.sent()], [cut.sent()]
+        for line in said:
+            sent[0].append(alone.say(line))
+            data = line.encode() + b"\r\n"
+            for piece in (data[at : at + 1] for at in range(len(data))) if by_bytes else (data[:3], data[3:]):
+                cut.engine.receive_data(piece, cut.now)
+            sent[1].append(cut.sent())
+        assert sent[0] == sent[1]
+        assert alone.log == cut.log
+        assert alone.engine.recent_frames() == cut.engine.recent_frames()
