@@ -4,7 +4,7 @@ import sys
 import time
 from importlib import import_module
 
-NAMES = ("streaming", "grbl", "wire", "reading", "toolpath", "frames", "instant", "memory", "load", "page")
+NAMES = ("streaming", "grbl", "wire", "reading", "toolpath", "frames", "instant", "memory", "load", "page", "soak")
 
 
 def main(names: list[str]) -> int:
