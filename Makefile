@@ -13,7 +13,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 help:
 	@echo "make run      daemon, a virtual ElVinto mill and a sample program; the dashboard's address is printed"
-	@echo "make test     all tests"
+	@echo "make test     all tests; ARGS=--long tries ten times as many examples, seeds and crash points"
 	@echo "make check    format, lint, types, import rules, docs against code"
 	@echo "make bench    benchmarks"
 	@echo "make install  the environment in $(VENV), with the tools for development"
