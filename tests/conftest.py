@@ -10,6 +10,12 @@ import os
 import sys
 
 import pytest
+from hypothesis import settings
+
+# The same examples in each run, and no judgement by the clock: a loaded machine is no fault of what is tested. What a
+# test says of its own settings goes on top.
+settings.register_profile("millstream", deadline=None, derandomize=True, database=None)
+settings.load_profile("millstream")
 
 # Each daemon and virtual machine that a test starts would compile all of it anew, a second each; and so would the next
 # run the tests.
