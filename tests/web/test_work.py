@@ -111,6 +111,7 @@ def test_a_part_of_a_program_waits_on_hold_with_a_note_and_what_the_controller_l
     person.named("note").press_sequentially("left vice ")
     person.press("enqueue")
     person.press("force")
+    expect(person.page).to_have_url(re.compile("/jobs$"))
     [job] = mill.get("/jobs?status=queued")
     assert [job[key] for key in ("start_line", "end_line", "note", "hold")] == [4, 9, "left vice", True]
     person.go(f"mill/jobs/{job['id']}")
