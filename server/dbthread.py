@@ -105,9 +105,7 @@ def refusal(error: Exception) -> Exception:
     if any(sign in text for sign in DAMAGE):
         return ProblemError("database_error", f"The database is damaged ({text}). {MEND_DAMAGE}")
     if any(sign in text for sign in DISK):
-        return ProblemError(
-            "database_error", f"The disk under the database fails ({text}). {MEND_DISK}"
-        )
+        return ProblemError("database_error", f"The disk under the database fails ({text}). {MEND_DISK}")
     return error
 
 
