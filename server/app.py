@@ -27,6 +27,7 @@ from server.hub import Hub
 from server.jobservice import JobService
 from server.machine import EngineFactory
 from server.ncframeconfig import NcFrameConfig
+from server.outbound.counters import Counters
 from server.panel import Panel
 from server.plans import RATELESS, Planning, Workpiece
 from server.programservice import ProgramService
@@ -88,6 +89,7 @@ class Workshop:
     def __init__(self, config: Config, parts: Parts) -> None:
         self.config = config
         self._parts = parts
+        self.outbound = Counters()
         self._workers: list[Worker] = []
 
     async def start(self) -> None:

@@ -23,6 +23,7 @@ from server.motionconfig import MotionConfig
 from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
 from server.section import Allowed, Section, as_tuple, refused
+from server.telemetryconfig import MdnsConfig, MqttConfig, MtconnectConfig, WebhookConfig
 from server.toolchangerconfig import ToolchangerConfig
 
 DEFAULT_DATA_DIR = "~/.local/share/millstream"
@@ -195,6 +196,10 @@ class Config(Section):
     server: ServerConfig = ServerConfig()
     history: HistoryConfig = HistoryConfig()
     machine: Annotated[tuple[MachineConfig, ...], BeforeValidator(as_tuple), Allowed("[[machine]] sections")] = ()
+    mtconnect: MtconnectConfig = MtconnectConfig()
+    mqtt: MqttConfig = MqttConfig()
+    webhook: Annotated[tuple[WebhookConfig, ...], BeforeValidator(as_tuple), Allowed("[[webhook]] sections")] = ()
+    mdns: MdnsConfig = MdnsConfig()
 
     @model_validator(mode="after")
     def _machines_differ(self) -> Self:
@@ -208,4 +213,13 @@ class Config(Section):
                     allowed = f"a {key} of its own: machine[{seen[value]}] has this one"
                     raise refused(f"machine[{index}].{key}", value, allowed)
                 seen[value] = index
+        return self
+
+    @model_validator(mode="after")
+    def _webhooks_name_machines(self) -> Self:
+        known = [machine.name for machine in self.machine]
+        for index, webhook in enumerate(self.webhook):
+            for name in webhook.machines:
+                if name not in known:
+                    raise refused(f"webhook[{index}].machines", name, " or ".join(known))
         return self

@@ -9,6 +9,7 @@ name, not only its number), the value, and what is allowed; all errors of a file
 
 import difflib
 import itertools
+import re
 import tomllib
 import types
 import typing
@@ -27,6 +28,10 @@ from server.section import Allowed
 
 ENV_PREFIX = "MILLSTREAM_"
 ENV_SEPARATOR = "__"
+LISTED = frozenset({("machine",), ("webhook",)})
+"""Sections of which there may be several."""
+SECRET = re.compile(r"(^|_)(password|passphrase|secret|token|key|credentials)($|_)")
+"""Keys whose values are never shown."""
 SHOWN_VALUE_CHARS = 80
 
 Key = tuple[str | int, ...]
@@ -108,14 +113,31 @@ def _overlay(data: dict[str, Any], environ: Mapping[str, str]) -> tuple[dict[Key
         if not variable.startswith(ENV_PREFIX) or ENV_SEPARATOR not in variable:
             continue
         parts = variable.removeprefix(ENV_PREFIX).lower().split(ENV_SEPARATOR)
-        key = _machine_key(parts, data) if parts[0] == "machine" else tuple(parts)
+        key = _key_of(parts, data)
         if key is None:
-            faults.append(_unknown_machine(variable, environ[variable], data))
+            unknown = _unknown_webhook if parts[0] == "webhook" else _unknown_machine
+            faults.append(unknown(variable, environ[variable], data))
             continue
         if not _put(data, key, _typed(environ[variable], _annotation(Config, key))):
             faults.append(ConfigFault(variable, _dotted(key), _shown(environ[variable]), "not a section"))
         overridden[key] = variable
     return overridden, faults
+
+
+def _key_of(parts: list[str], data: Mapping[str, Any]) -> Key | None:
+    """The key that a variable means; None: there is no such section among those that are a list."""
+    if parts[0] == "machine":
+        return _machine_key(parts, data)
+    if parts[0] != "webhook":
+        return tuple(parts)
+    there = data.get("webhook", [])
+    known = len(parts) > 2 and parts[1].isdecimal() and isinstance(there, list) and int(parts[1]) <= len(there)
+    return ("webhook", int(parts[1]), *parts[2:]) if known else None
+
+
+def _unknown_webhook(variable: str, value: str, data: Mapping[str, Any]) -> ConfigFault:
+    known = f"{ENV_PREFIX}WEBHOOK__N__KEY, N from 0 to {len(data.get('webhook', []))}"
+    return ConfigFault(variable, "webhook", _shown(value), f"no such webhook; allowed is {known}")
 
 
 def _machine_key(parts: list[str], data: Mapping[str, Any]) -> Key | None:
@@ -192,7 +214,8 @@ def _fault(
         case _:
             key = _up_to_field(model, key)
             value, advice = _value_at(data, key), f"allowed is {_allowed_at(model, key)}"
-    return ConfigFault(_origin(key, overridden) or source, _dotted(key, data), _shown(value), advice)
+    shown = "(not shown)" if SECRET.search(str(key[-1])) else _shown(value)
+    return ConfigFault(_origin(key, overridden) or source, _dotted(key, data), shown, advice)
 
 
 def _origin(key: Key, overridden: Mapping[Key, str]) -> str | None:
@@ -297,7 +320,7 @@ def _annotation(model: type[BaseModel], key: Key) -> Any:
 
 def _up_to_field(model: type[BaseModel], key: Key) -> Key:
     """pydantic goes on into a value (`travel[0]`); people think of the key."""
-    while key and ((isinstance(key[-1], int) and key[:-1] != ("machine",)) or _field(model, key) is None):
+    while key and ((isinstance(key[-1], int) and key[:-1] not in LISTED) or _field(model, key) is None):
         key = key[:-1]
     return key
 
@@ -307,7 +330,7 @@ def _allowed_at(model: type[BaseModel], key: Key) -> str:
     if field is None:
         return "a table"
     if key[-1:] != () and isinstance(key[-1], int):
-        return "a [[machine]] section"
+        return f"a [[{key[0]}]] section"
     return describe(field)
 
 

@@ -14,10 +14,9 @@ from typing import Any
 from pydantic import BaseModel
 
 from server.config import PROTOCOLS, Config, MachineConfig
-from server.configfile import Key, load_with_sources
+from server.configfile import SECRET, Key, load_with_sources
 
 DEFAULT = "default"
-SECRET = re.compile(r"(^|_)(password|passphrase|secret|token|key|credentials)($|_)")
 _IN_ADDRESS = re.compile(r"(?<=://)[^/@\s]+(?=@)")
 """`user:password@` of an address."""
 MASK = "********"

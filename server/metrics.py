@@ -19,6 +19,7 @@ from prometheus_client.metrics_core import (
 from prometheus_client.registry import Collector as Base
 
 from server.hub import Hub
+from server.outbound.counters import Counters, WayOut
 
 MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
@@ -87,10 +88,17 @@ class CountedMachine(Protocol):
 class Collector(Base):
     """Reads the counters when Prometheus comes."""
 
-    def __init__(self, machines: Mapping[str, CountedMachine], hub: Hub, jobs_by_status: Mapping[str, int]) -> None:
+    def __init__(
+        self,
+        machines: Mapping[str, CountedMachine],
+        hub: Hub,
+        jobs_by_status: Mapping[str, int],
+        outbound: Counters,
+    ) -> None:
         self._machines = machines
         self._hub = hub
         self._jobs_by_status = jobs_by_status
+        self._outbound = outbound
 
     def collect(self) -> Iterator[Metric]:
         """The families, for prometheus-client."""
@@ -98,6 +106,7 @@ class Collector(Base):
         yield from self._batches()
         yield from self._gauges()
         yield from self._fan_out()
+        yield from self._ways_out()
 
     def _link(self) -> Iterator[Metric]:
         errors = CounterMetricFamily(
@@ -155,6 +164,26 @@ class Collector(Base):
             self._hub.console_left_out,
         )
 
+    def _ways_out(self) -> Iterator[Metric]:
+        gauge, counter = GaugeMetricFamily, CounterMetricFamily
+        yield self._way_out(gauge, "connected", "Who is told now.", lambda way: way.connected)
+        yield self._way_out(gauge, "waiting", "Messages that are not sent yet.", lambda way: way.waiting)
+        yield self._way_out(counter, "sent", "Messages sent.", lambda way: way.sent)
+        yield self._way_out(counter, "dropped", "Messages or readers given up.", lambda way: way.dropped)
+        yield self._way_out(counter, "failures", "Attempts that failed.", lambda way: way.failures)
+
+    def _way_out(
+        self,
+        family: type[GaugeMetricFamily] | type[CounterMetricFamily],
+        name: str,
+        text: str,
+        read: Callable[[WayOut], int],
+    ) -> Metric:
+        made = family(f"millstream_telemetry_{name}", text, labels=("to",))
+        for to, way in self._outbound.each():
+            made.add_metric((to,), read(way))
+        return made
+
     def _counter(self, name: str, text: str, read: Callable[[MachineMetrics], int]) -> Metric:
         family = CounterMetricFamily(f"millstream_{name}", text, labels=("machine",))
         for machine, control in self._machines.items():
@@ -169,8 +198,13 @@ class Collector(Base):
         return family
 
 
-def exposition(machines: Mapping[str, CountedMachine], hub: Hub, jobs_by_status: Mapping[str, int]) -> bytes:
+def exposition(
+    machines: Mapping[str, CountedMachine],
+    hub: Hub,
+    jobs_by_status: Mapping[str, int],
+    outbound: Counters = Counters(),  # noqa: B008 - nothing counts in this one
+) -> bytes:
     """The text that GET /metrics answers. The registry lives for this one answer: nothing is global."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(Collector(machines, hub, jobs_by_status))
+    registry.register(Collector(machines, hub, jobs_by_status, outbound))
     return generate_latest(registry)

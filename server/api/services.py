@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol
 from protocol.commands import OnError
 from server.hub import Hub
 from server.metrics import MachineMetrics
+from server.outbound.counters import Counters
 from server.reentryconfig import AS_CONFIGURED, ReentryWish
 from server.tokens import TokenStore
 
@@ -187,6 +188,8 @@ class Services(Protocol):
     def jobs(self) -> Jobs: ...
     @property
     def programs(self) -> Programs: ...
+    @property
+    def outbound(self) -> Counters: ...
     @property
     def hub(self) -> Hub: ...
     @property

@@ -47,7 +47,7 @@ def _watching(app: FastAPI, services: Services) -> None:
     )
     async def metrics() -> Response:
         counts = await services.jobs.counts()
-        text = exposition(services.machines, services.hub, counts)
+        text = exposition(services.machines, services.hub, counts, services.outbound)
         return Response(text, media_type=METRICS_MEDIA_TYPE)
 
 

@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from server.cli import (
+    audit,
     backup,
     config,
     demo,
@@ -25,6 +26,7 @@ from server.cli import (
     simulator,
     stored,
     switches,
+    telemetry,
     tokens,
     watch,
 )
@@ -43,10 +45,12 @@ GROUPS = (
     watch,
     tokens,
     history,
+    audit,
     backup,
     simulator,
     stored,
     switches,
+    telemetry,
 )
 
 

@@ -26,6 +26,8 @@ from server.cli.settings import DEFAULT_CONFIG, configuration, database, sole_da
 from server.clock import WallClock
 from server.config import Config
 from server.notify import Notifier, keep_telling
+from server.outbound.errors import OutboundError
+from server.outbound.service import Outbound
 from server.retention import keep_within
 from server.sealing import keep_sealing
 from server.tokens import list_tokens
@@ -151,8 +153,9 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
     from server.api import create_app
     from server.app import build
 
-    with contextlib.closing(listener), sole_daemon(config):
+    with contextlib.closing(listener), sole_daemon(config), contextlib.ExitStack() as stack:
         _check_exposure(config)
+        outbound = stack.enter_context(contextlib.closing(_ways_out(config)))
         workshop = build(config)
         # Before the start: making the API's description takes the loop for a moment that no running job should wait.
         app = create_app(workshop)
@@ -161,7 +164,7 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
             server = _Server(_uvicorn_config(app, config))
             daemon = RunningDaemon(server, asyncio.create_task(server.serve(sockets=[listener])), address(listener))
             on_stop_signal(daemon.stop)
-            async with _beside(workshop):
+            async with _beside(workshop), outbound.running(workshop):
                 try:
                     yield daemon
                 finally:
@@ -207,6 +210,14 @@ def _check_exposure(config: Config) -> None:
     try:
         check_exposure(config.server.host, usable)
     except ExposureError as error:
+        raise CliError(ExitCode.FAILED, str(error)) from error
+
+
+def _ways_out(config: Config) -> Outbound:
+    """What tells others (docs/telemetry.md), prepared before anything is started. Raises CliError."""
+    try:
+        return Outbound.prepare(config)
+    except OutboundError as error:
         raise CliError(ExitCode.FAILED, str(error)) from error
 
 

@@ -5,7 +5,6 @@ EXECUTION, CONTROLLER_MODE, EMERGENCY_STOP, conditions. The one rule: what a mac
 field nor a line; what is not known is UNAVAILABLE, never a guess.
 """
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -14,6 +13,8 @@ from server.outbound.feed import Notice
 
 UNAVAILABLE = "UNAVAILABLE"
 MOST_TEXT_CHARS = 512
+MOST = 1e15
+"""No machine is there, and a reader of ours may not have the word for it (inf, nan)."""
 HEARTBEAT_MS = 10_000
 """An agent that has heard this asks again so often, and gives the adapter up after twice the time."""
 PING, PONG = b"* PING", f"* PONG {HEARTBEAT_MS}\n".encode()
@@ -172,7 +173,7 @@ def axis_items(axis: str) -> tuple[str, str]:
 
 
 def _number(value: object) -> str:
-    return f"{value:.10g}" if isinstance(value, int | float) and math.isfinite(value) else UNAVAILABLE
+    return f"{value + 0.0:.10g}" if isinstance(value, int | float) and abs(value) < MOST else UNAVAILABLE
 
 
 def _text(value: object) -> str:

@@ -16,6 +16,7 @@ from server.historyconfig import HistoryConfig
 from server.motionconfig import MotionConfig
 from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
+from server.telemetryconfig import MdnsConfig, MqttConfig, MtconnectConfig, WebhookConfig
 from server.toolchangerconfig import ToolchangerConfig
 from sim.faults import FaultRates
 from sim.options import (
@@ -37,6 +38,10 @@ SECTIONS: list[tuple[str, type[BaseModel]]] = [
     ("## `[machine.ncframe]`", NcFrameConfig),
     ("## `[machine.reentry]`", ReentryConfig),
     ("## `[machine.toolchanger]`", ToolchangerConfig),
+    ("## `[mtconnect]`", MtconnectConfig),
+    ("## `[mqtt]`", MqttConfig),
+    ("## `[[webhook]]`", WebhookConfig),
+    ("## `[mdns]`", MdnsConfig),
 ]
 
 

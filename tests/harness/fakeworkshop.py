@@ -22,6 +22,7 @@ from server.api.models import JOB_EXAMPLE, PROGRAM_ID, CheckView, ProgramView
 from server.api.routing import example_of
 from server.hub import Hub
 from server.metrics import MachineMetrics
+from server.outbound.counters import Counters
 from server.problems import ProblemError
 from server.reentryconfig import AS_CONFIGURED, ReentryWish
 from server.tokens import TokenStore
@@ -302,6 +303,7 @@ class FakeWorkshop:
         self.jobs = FakeJobs()
         self.programs = FakePrograms()
         self.hub = Hub(first_seq=FIRST_SEQ)
+        self.outbound = Counters()
         self.now = 5000.0
         self.tokens = TokenStore(self.database.run, host=self.config.server.host, monotonic=lambda: self.now)
 

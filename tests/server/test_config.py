@@ -18,6 +18,7 @@ from server.grblconfig import GrblConfig
 from server.motionconfig import MotionConfig
 from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
+from server.telemetryconfig import MqttConfig, WebhookConfig
 
 EXAMPLE = Path(__file__).parents[2] / "config.example.toml"
 
@@ -49,7 +50,19 @@ def test_example_has_every_key() -> None:
     data["machine"][0]["ncframe"] = NcFrameConfig().model_dump()  # likewise
     missing = missing_keys(Config.model_validate(tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))), data)
     commented = ["motion.travel", "motion.steps_per_mm", "toolchanger.start_in_estop"]
-    assert missing == [f"machine[0].{key}" for key in commented]
+    of_broker = ["ca_file", "username", "password", "password_file"]
+    wanted = [*(f"machine[0].{key}" for key in commented), *(f"mqtt.{key}" for key in of_broker), "webhook"]
+    assert missing == wanted
+
+
+def test_example_shows_a_webhook_and_the_access_to_a_broker_that_load_when_uncommented() -> None:
+    text = EXAMPLE.read_text(encoding="utf-8")
+    lines = text.split("# [[webhook]]")[1].split("\n\n")[0].splitlines()
+    data = tomllib.loads("\n".join(line.removeprefix("# ").removeprefix("# ").removeprefix("#") for line in lines))
+    assert set(data) == set(WebhookConfig.model_fields) - {"secret"}
+    WebhookConfig.model_validate(data)
+    broker = re.findall(r"^# ((?:ca_file|username|password_file) = .*)$", text, re.MULTILINE)
+    assert MqttConfig.model_validate(tomllib.loads("\n".join(broker))).username == "millstream"
 
 
 def test_example_shows_a_grbl_machine_that_loads_when_uncommented() -> None:

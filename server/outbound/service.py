@@ -1,0 +1,111 @@
+"""The ways out as one thing: prepared before any machine is touched, run beside the machines, ended with the daemon.
+
+Not what any of them says. The one rule: what can be wrong with a way out (a port that is taken, an extra that is not
+installed, a password that cannot be read) ends the start with a sentence; later it is a line of the log.
+"""
+
+import asyncio
+import contextlib
+import logging
+import os
+import socket
+from collections.abc import AsyncIterator, Coroutine
+from typing import TYPE_CHECKING
+
+from server.clock import WallClock, stamp
+from server.config import Config
+from server.outbound.devicemodel import axes_of
+from server.outbound.errors import OutboundError
+from server.outbound.feed import Feed, standing
+from server.outbound.mtconnect import Adapter, fresh_devices
+
+if TYPE_CHECKING:
+    from server.app import Workshop
+    from server.controller import Controller
+
+log = logging.getLogger(__name__)
+
+
+class Outbound:
+    """See the head of this file. Made by `prepare`; run it at most once."""
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self._agents: socket.socket | None = None
+
+    @classmethod
+    def prepare(cls, config: Config) -> "Outbound":
+        """Everything that can fail. Raises OutboundError."""
+        made = cls(config)
+        if config.mtconnect.enabled:
+            made._agents = _listener(config.mtconnect.host, config.mtconnect.port)
+        return made
+
+    def close(self) -> None:
+        """What was prepared and never run."""
+        if self._agents is not None:
+            self._agents.close()
+
+    @contextlib.asynccontextmanager
+    async def running(self, workshop: "Workshop") -> AsyncIterator[None]:
+        """Tell others, until the end of the block."""
+        tasks = [asyncio.create_task(_watched(name, work)) for name, work in self._work(workshop)]
+        try:
+            yield
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            self.close()
+
+    def _work(self, workshop: "Workshop") -> list[tuple[str, Coroutine[None, None, None]]]:
+        work = []
+        if self._agents is not None:
+            work.append(("MTConnect", self._mtconnect(workshop, self._agents)))
+        return work
+
+    def _feed(self, workshop: "Workshop", rate_hz: float) -> Feed:
+        """`rate_hz` for each machine."""
+        most_hz = rate_hz * max(1, len(workshop.machines))
+        return Feed(workshop.hub, rate_hz=most_hz, now_stands=lambda: standing(workshop.machines, _now))
+
+    async def _mtconnect(self, workshop: "Workshop", listener: socket.socket) -> None:
+        config = self.config.mtconnect
+        machines = workshop.machines
+        adapter = Adapter(
+            fresh_devices((machine.name, axes_of(machine)) for machine in self.config.machine),
+            counted=workshop.outbound.mtconnect,
+            emergency=lambda name: _emergency(machines[name]),
+            now=_now,
+            max_clients=config.max_clients,
+        )
+        await adapter.run(listener, self._feed(workshop, config.rate))
+
+
+async def _watched(name: str, work: Coroutine[None, None, None]) -> None:
+    """A bug in a way out is told and ends that way; the machines go on."""
+    try:
+        await work
+    except Exception:
+        log.exception("%s has ended; the machines are not concerned. Please report this.", name)
+
+
+def _emergency(machine: "Controller") -> bool:
+    """An emergency stop is pressed, or was demanded here and is not confirmed yet."""
+    alarm = machine.state.alarm
+    return machine.unheard_stop is not None or (alarm is not None and alarm.emergency)
+
+
+def _now() -> str:
+    return stamp(WallClock())
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host.strip("[]"), port), family=family)
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise OutboundError(
+            f"mtconnect: {host}:{port}: {reason}. Is another adapter there? Set mtconnect.host and mtconnect.port."
+        ) from error
