@@ -12,7 +12,6 @@ from typing import Annotated
 import typer
 
 from server.cli import (
-    audit,
     backup,
     config,
     demo,
@@ -45,7 +44,6 @@ GROUPS = (
     watch,
     tokens,
     history,
-    audit,
     backup,
     simulator,
     stored,
