@@ -50,10 +50,10 @@ def append(
     text = json.dumps(data, sort_keys=True)
     if len(text) > MAX_DATA_CHARS:
         text = json.dumps({"cut": True, "text": text[: MAX_DATA_CHARS // 2]})
-    link = _link(previous, at, machine, job, kind, text)
+    own = link(previous, at, machine, job, kind, text)
     cursor = db.execute(
         "insert into events (at, machine, job, type, data, previous, hash) values (?, ?, ?, ?, ?, ?, ?)",
-        [at, machine, job, kind, text, previous, link],
+        [at, machine, job, kind, text, previous, own],
     )
     assert cursor.lastrowid is not None
     return cursor.lastrowid
@@ -129,7 +129,7 @@ def faults(db: Database) -> Iterator[Fault]:
             yield Fault(min(number, expected), _gap(expected, number - 1))
         elif row["previous"] != previous:
             yield Fault(number, "it does not follow from the event before: one of them was replaced")
-        if row["hash"] != _link(row["previous"], *(row[key] for key in ("at", "machine", "job", "type", "data"))):
+        if row["hash"] != link(row["previous"], *(row[key] for key in ("at", "machine", "job", "type", "data"))):
             yield Fault(number, "its content or its hash was changed")
         vouched = vouched or (row["type"] == PRUNED and said(row) == _vouch(begin))
         previous, expected = row["hash"], number + 1
@@ -165,7 +165,8 @@ def _gap(first: int, last: int) -> str:
     return "it is missing" if first == last else f"the events {first} to {last} are missing"
 
 
-def _link(previous: str, *fields: object) -> str:
+def link(previous: str, *fields: object) -> str:
+    """The hash of a row behind the one that has the hash `previous`; for other chains of this database, too."""
     return hashlib.sha256(json.dumps([previous, *fields]).encode()).hexdigest()
 
 

@@ -178,6 +178,40 @@ def m015_program_uploads(db: Database) -> None:
     db.execute("create table program_uploads (program text primary key, at text not null)")
 
 
+@migrations()
+def m016_token_expiry(db: Database) -> None:
+    """When a token ends by itself; null: never."""
+    db.execute("alter table tokens add column expires_at text")
+
+
+AUDIT_IS_FINAL = """
+create trigger audit_no_update before update on audit
+begin select raise(abort, 'the audit is append-only'); end
+"""
+AUDIT_STAYS = """
+create trigger audit_no_delete before delete on audit
+when old.id > (select coalesce(max(up_to), 0) from audit_anchor)
+begin select raise(abort, 'the audit is append-only'); end
+"""
+
+
+@migrations()
+def m017_audit(db: Database) -> None:
+    """Who has asked for what (server/audit.py): a chain as the history is, with an anchor of its own."""
+    db.execute("""
+        create table audit (
+            id integer primary key autoincrement, at text not null, via text not null, token text, name text not null,
+            address text not null, method text not null, route text not null, machine text, job integer, target text,
+            status integer not null, code text, lost integer not null, previous text not null, hash text not null)
+    """)
+    db.execute("""
+        create table audit_anchor (
+            id integer primary key check (id = 1), up_to integer not null, hash text not null, at text not null)
+    """)
+    db.execute(AUDIT_IS_FINAL)
+    db.execute(AUDIT_STAYS)
+
+
 class NewerDatabaseError(sqlite3.DatabaseError):
     """The tables were brought up to date by a version after this one."""
 

@@ -15,6 +15,7 @@ from jobs.program import ProgramStore
 from protocol.elvinto.engine import ElvintoEngine
 from protocol.grbl.engine import GrblEngine
 from protocol.ncframe.engine import NcFrameEngine
+from server.audit import Audit
 from server.childworker import BySize
 from server.clock import Clock, WallClock
 from server.config import Config, MachineConfig
@@ -85,6 +86,7 @@ class Workshop:
     hub: Hub
     db: Db
     tokens: TokenStore
+    audit: Audit
 
     def __init__(self, config: Config, parts: Parts) -> None:
         self.config = config
@@ -101,6 +103,7 @@ class Workshop:
         self.db = parts.open_db(config.server.database_path)
         self.tokens = TokenStore(self.db.run, host=config.server.host, clock=parts.clock.now)
         await self.tokens.load()
+        self.audit = Audit(self.db, parts.clock)
         store = ProgramStore(config.server.programs_dir)
         pieces = {machine.name: Workpiece.of(machine) for machine in config.machine}
         planning = Planning(store)

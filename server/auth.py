@@ -39,15 +39,19 @@ GRANTABLE = tuple(role.word for role in (Role.VIEWER, Role.OPERATOR, Role.ADMIN)
 
 @dataclass(frozen=True, slots=True)
 class Principal:
-    """Who is asking. `token_id` is None where the daemon runs without tokens."""
+    """Who is asking. `token_id` is None where the daemon runs without tokens; `session` tells browsers apart that were
+    signed in with the same token. `refused`: the code of why a token that is known is not good any more."""
 
     role: Role
     name: str
     token_id: str | None = None
-    by_session: bool = False
+    session: str | None = None
+    refused: str | None = None
 
 
 NOBODY = Principal(Role.PUBLIC, "nobody")
+EXPIRED = Principal(Role.PUBLIC, "nobody", refused="token_expired")
+"""Who comes with a token whose time is over."""
 LOCAL_USER = Principal(Role.ADMIN, "local user")
 """Whoever reaches a daemon that listens on loopback and has no tokens."""
 

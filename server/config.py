@@ -6,6 +6,7 @@ is guessed. A key that is not here, a value of another type and a value out of b
 words what would have been right.
 """
 
+import ipaddress
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from gcode.profile import load_profile
+from server.auditconfig import AuditConfig
 from server.changeposition import fault_of
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
@@ -48,6 +50,11 @@ def _usable_port(value: str) -> str:
     return value
 
 
+def _network(value: str) -> str:
+    ipaddress.ip_network(value, strict=False)
+    return value
+
+
 def _as_path(value: object) -> object:
     if not isinstance(value, str | Path) or value == "":
         return value
@@ -60,6 +67,11 @@ def _as_path(value: object) -> object:
 
 DirectoryPath = Annotated[Path, BeforeValidator(_as_path), Allowed("the path of a directory")]
 Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple), Allowed('a list of host names, e.g. ["mill.local"]')]
+Networks = Annotated[
+    tuple[Annotated[str, AfterValidator(_network)], ...],
+    BeforeValidator(as_tuple),
+    Allowed('a list of addresses or networks, e.g. ["127.0.0.1", "10.0.0.0/24"]'),
+]
 MachineName = Annotated[
     str,
     Field(pattern=r"^[a-z0-9-]{1,64}$"),
@@ -80,6 +92,7 @@ class ServerConfig(Section):
     data_dir: Annotated[DirectoryPath, Field(validate_default=True)] = Path(DEFAULT_DATA_DIR)
     max_upload_bytes: Annotated[int, Field(ge=1024, le=1024 * GIB_BYTES)] = 16 * GIB_BYTES
     allowed_hosts: Names = ()
+    trusted_proxies: Networks = ()
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     queue_limit: Annotated[int, Field(ge=1, le=100_000)] = 1000
 
@@ -195,6 +208,7 @@ class Config(Section):
 
     server: ServerConfig = ServerConfig()
     history: HistoryConfig = HistoryConfig()
+    audit: AuditConfig = AuditConfig()
     machine: Annotated[tuple[MachineConfig, ...], BeforeValidator(as_tuple), Allowed("[[machine]] sections")] = ()
     mtconnect: MtconnectConfig = MtconnectConfig()
     mqtt: MqttConfig = MqttConfig()

@@ -17,6 +17,8 @@ CODES: dict[str, tuple[int, str]] = {
     "unknown_backup": (404, "There is no backup with this id"),
     "unknown_token": (404, "There is no token with this id"),
     "unauthorized": (401, "A token is needed"),
+    "token_expired": (401, "The time of this token is over"),
+    "too_many_attempts": (429, "Too many wrong tokens came from this address"),
     "forbidden": (403, "This token's role does not allow it"),
     "bad_origin": (403, "The request comes from another site"),
     "bad_host": (421, "The daemon is not known under this host name"),

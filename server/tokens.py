@@ -18,9 +18,11 @@ from typing import Any, Protocol
 from sqlite_utils import Database
 
 from protocol.errors import MillstreamError
-from server.auth import GRANTABLE, LOCAL_USER, Principal, Role, Sessions, digest, is_loopback
+from server.auth import EXPIRED, GRANTABLE, LOCAL_USER, Principal, Role, Sessions, digest, is_loopback
 from server.hub import rfc3339, utc_now
+from server.lifetime import lifetime
 from server.problems import ProblemError
+from server.ratelimit import Attempts
 
 logger = logging.getLogger(__name__)
 
@@ -33,6 +35,8 @@ REFRESH_S = 5.0
 UNKNOWN_REFRESH_S = 1.0
 """A token nobody knows makes the daemon look into the table again, but not more often than this."""
 
+SESSION_ID_CHARS = 16
+EXPIRED_DETAIL = "The time of this token is over. `millstream token create` makes a new one."
 NOTE_USE_EVERY_S = 60.0
 """`last_used_at` is a help to tidy up, not an audit log: written this often at most."""
 
@@ -52,6 +56,11 @@ class Token:
     created_at: str
     last_used_at: str | None = None
     revoked_at: str | None = None
+    expires_at: str | None = None
+
+    def has_expired(self, now: datetime) -> bool:
+        """Whether its time is over."""
+        return self.expires_at is not None and datetime.fromisoformat(self.expires_at) <= now
 
     def view(self) -> dict[str, Any]:
         """As the API shows it."""
@@ -62,17 +71,24 @@ class Token:
             "created_at": self.created_at,
             "last_used_at": self.last_used_at,
             "revoked_at": self.revoked_at,
+            "expires_at": self.expires_at,
         }
 
 
-def create_token(db: Database, name: str, role: str, *, now: datetime) -> tuple[Token, str]:
-    """A new token and its secret, which nobody can read again. Raises TokenError."""
+def create_token(db: Database, name: str, role: str, expires: str | None = None, *, now: datetime) -> tuple[Token, str]:
+    """A new token and its secret, which nobody can read again. `expires`: after how long (lifetime.py); None: never.
+    Raises TokenError."""
     if role not in GRANTABLE:
         raise TokenError(f"role {role!r} does not exist; choose one of {', '.join(GRANTABLE)}")
     if not name.strip() or len(name) > MAX_NAME_CHARS or not name.isprintable():
         raise TokenError(f"a token's name is 1 to {MAX_NAME_CHARS} printable characters")
     secret = PREFIX + secrets.token_urlsafe(32)
-    token = Token(secrets.token_hex(4), name.strip(), Role[role.upper()], digest(secret), rfc3339(now))
+    try:
+        ends_at = None if expires is None else rfc3339(now + lifetime(expires))
+    except ValueError as error:
+        raise TokenError(str(error)) from error
+    id_, granted = secrets.token_hex(4), Role[role.upper()]
+    token = Token(id_, name.strip(), granted, digest(secret), rfc3339(now), expires_at=ends_at)
     row = token.view() | {"hash": token.hash}
     with db.conn:
         db.table(TABLE).insert(row)
@@ -90,6 +106,7 @@ def list_tokens(db: Database) -> list[Token]:
             created_at=row["created_at"],
             last_used_at=row["last_used_at"],
             revoked_at=row["revoked_at"],
+            expires_at=row["expires_at"],
         )
         for row in db.query(f"select * from {TABLE} order by created_at, rowid")  # noqa: S608 - a constant
     ]
@@ -141,14 +158,16 @@ class TokenStore:
         self._used_at: dict[str, float] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._sessions = Sessions()
+        self.attempts = Attempts()
 
     def __len__(self) -> int:
-        """How many tokens can be used."""
+        """How many tokens there are that are not revoked."""
         return len(self._by_id)
 
     @property
     def open(self) -> bool:
-        """Whether everybody who reaches the daemon may do everything: loopback, and no tokens."""
+        """Whether everybody who reaches the daemon may do everything: loopback, and no tokens. One that has expired
+        keeps the door closed all the same: nobody becomes admin because time passes."""
         return self._loopback and not self._by_id
 
     async def load(self) -> None:
@@ -158,28 +177,34 @@ class TokenStore:
         self._by_hash = {token.hash: token for token in live}
         self._by_id = {token.id: token for token in live}
 
-    async def identify(self, *, bearer: str | None, cookie: str | None) -> Principal | None:
-        """Who comes with this token or cookie; None when it is not good (any more)."""
+    async def identify(self, *, bearer: str | None, cookie: str | None, address: str = "") -> Principal | None:
+        """Who comes with this token or cookie; None when it is not good (any more). Raises ProblemError when too many
+        wrong tokens came from `address`. A cookie is no guess: those of a daemon before this one are wrong, too."""
         now = self._monotonic()
         self._reload_if_stale(now)
         if bearer is not None:
-            return await self._by_bearer(bearer, now)
+            return await self._by_bearer(bearer, address, now)
         if cookie is not None:
             token_id = self._sessions.token_id(cookie, now=now)
             token = self._by_id.get(token_id) if token_id is not None else None
             if token is not None:
-                return self._principal(token, now, by_session=True)
+                return self._principal(token, now, session=digest(cookie)[:SESSION_ID_CHARS])
         return LOCAL_USER if self.open else None
 
     def still_good(self, principal: Principal) -> bool:
-        """Whether a reader that stays connected may go on: its token has not been revoked."""
+        """Whether a reader that stays connected may go on: its token was not revoked and has not expired."""
         self._reload_if_stale(self._monotonic())
-        return principal.token_id in self._by_id if principal.token_id is not None else self.open
+        if principal.token_id is None:
+            return self.open
+        token = self._by_id.get(principal.token_id)
+        return token is not None and not (token.expires_at is not None and token.has_expired(self._clock()))
 
-    async def sign_in(self, secret: str) -> tuple[Principal, str] | None:
-        """A session for the browser of whoever knows `secret`: the cookie's value, or None."""
+    async def sign_in(self, secret: str, address: str = "") -> tuple[Principal, str] | None:
+        """A session for the browser of whoever knows `secret`: the cookie's value, or None. Raises ProblemError."""
         now = self._monotonic()
-        principal = await self._by_bearer(secret, now)
+        principal = await self._by_bearer(secret, address, now)
+        if principal is EXPIRED:
+            raise ProblemError("token_expired", EXPIRED_DETAIL)
         if principal is None or principal.token_id is None:
             return None
         return principal, self._sessions.begin(principal.token_id, now=now)
@@ -188,9 +213,9 @@ class TokenStore:
         """End a session."""
         self._sessions.end(cookie)
 
-    async def create(self, name: str, role: str) -> dict[str, Any]:
+    async def create(self, name: str, role: str, expires: str | None = None) -> dict[str, Any]:
         """Make a token; its view with the secret as `token`, shown this once. Raises TokenError."""
-        created: tuple[Token, str] = await self._run(partial(create_token, now=self._clock()), name, role)
+        created: tuple[Token, str] = await self._run(partial(create_token, now=self._clock()), name, role, expires)
         await self.load()
         token, secret = created
         return token.view() | {"token": secret}
@@ -206,18 +231,36 @@ class TokenStore:
         await self.load()
         return token.view() if token is not None else None
 
-    async def _by_bearer(self, secret: str, now: float) -> Principal | None:
+    async def _by_bearer(self, secret: str, address: str, now: float) -> Principal | None:
+        self._refuse_guessers(secret, address, now)
         hashed = digest(secret)
         if hashed not in self._by_hash and now - self._loaded_at >= UNKNOWN_REFRESH_S:
             await self.load()
         token = self._by_hash.get(hashed)
-        return None if token is None else self._principal(token, now)
+        if token is None:
+            self.attempts.wrong(address, secret, now=now)
+            return None
+        self.attempts.right(address, secret)
+        return self._principal(token, now)
 
-    def _principal(self, token: Token, now: float, *, by_session: bool = False) -> Principal:
+    def _refuse_guessers(self, secret: str, address: str, now: float) -> None:
+        """Raises ProblemError; where nobody needs a token nobody guesses one."""
+        if self.open or (wait_s := self.attempts.wait_s(address, secret, now=now)) == 0:
+            return
+        raise ProblemError(
+            "too_many_attempts",
+            f"Too many wrong tokens came from {address or 'this address'}; the next one is looked at in {wait_s} s. "
+            "Whoever is at work there already is not kept out.",
+            retry_after_s=wait_s,
+        )
+
+    def _principal(self, token: Token, now: float, *, session: str | None = None) -> Principal:
+        if token.expires_at is not None and token.has_expired(self._clock()):
+            return EXPIRED
         if now - self._used_at.get(token.id, float("-inf")) >= NOTE_USE_EVERY_S:
             self._used_at[token.id] = now
             self._in_background(self._run(partial(note_use, now=self._clock()), token.id))
-        return Principal(token.role, token.name, token.id, by_session)
+        return Principal(token.role, token.name, token.id, session)
 
     def _reload_if_stale(self, now: float) -> None:
         if now - self._loaded_at >= REFRESH_S:

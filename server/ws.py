@@ -15,6 +15,7 @@ from fastapi import FastAPI
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
+from server.api.audittrail import Trail
 from server.api.guard import PRINCIPAL_KEY
 from server.api.machines import find
 from server.api.messages import CLIENT_MESSAGE, ROLES, Io, Jog, JogStop, SocketQuery, Subscribe, Verb
@@ -28,6 +29,7 @@ from server.jsontext import dumps
 from server.problems import ProblemError
 from server.subscription import Subscription
 from server.textframe import text_frame
+from server.wsaudit import MessageTrail
 from server.wswire import wire_of
 
 logger = logging.getLogger(__name__)
@@ -88,8 +90,11 @@ class _CutError(Exception):
 class EventSocket:
     """One connected reader; an `Outlet` of the fan-out."""
 
-    def __init__(self, socket: WebSocket, services: Services, held: HeldJogs, principal: Principal) -> None:
+    def __init__(
+        self, socket: WebSocket, services: Services, held: HeldJogs, principal: Principal, trail: Trail
+    ) -> None:
         self._socket = socket
+        self._trail = MessageTrail(trail, socket.scope, principal)
         self._services = services
         self._held = held
         self._principal = principal
@@ -188,6 +193,7 @@ class EventSocket:
     def _take(self, text: str, subscription: Subscription) -> None:
         """Act on one message of the client; nothing is awaited here, so nothing can stand before an e-stop."""
         id_: Any = None
+        message: Said | None = None
         try:
             spoken = _json_object(text)
             id_ = spoken.get("id")
@@ -200,14 +206,18 @@ class EventSocket:
             answer = self._act(message, subscription)
         except ProblemError as problem:
             subscription.push(failure(id_, problem))
+            self._trail.note(message, problem)
             return
         except Exception as error:  # noqa: BLE001 - the outermost loop of a message
-            subscription.push(failure(id_, our_fault(error)))
+            fault = our_fault(error)
+            subscription.push(failure(id_, fault))
+            self._trail.note(message, fault)
             return
         if answer is None:
             subscription.push(success(id_))
+            self._trail.note(message)
         else:
-            self._answer_later(id_, answer, subscription)
+            self._answer_later(id_, message, answer, subscription)
 
     def _act(self, message: Said, subscription: Subscription) -> Awaitable[None] | None:
         match message:
@@ -254,16 +264,22 @@ class EventSocket:
             detail = " ".join(problem.detail for problem in refusals)
             raise ProblemError(refusals[0].code, detail, refused=len(refusals), machines=len(self._services.machines))
 
-    def _answer_later(self, id_: Any, answer: Awaitable[None], subscription: Subscription) -> None:
+    def _answer_later(self, id_: Any, message: Said, answer: Awaitable[None], subscription: Subscription) -> None:
+        audited = self._trail.begun(message)
+
         async def answered() -> None:
+            refused: ProblemError | None = None
             try:
                 await answer
+            except asyncio.CancelledError:
+                audited(None, gone=True)
+                raise
             except ProblemError as problem:
-                subscription.push(failure(id_, problem))
+                refused = problem
             except Exception as error:  # noqa: BLE001 - the outermost loop of a message
-                subscription.push(failure(id_, our_fault(error)))
-            else:
-                subscription.push(success(id_))
+                refused = our_fault(error)
+            subscription.push(success(id_) if refused is None else failure(id_, refused))
+            audited(refused)
 
         task = asyncio.get_running_loop().create_task(answered())
         self._under_way.add(task)
@@ -324,6 +340,7 @@ def _bounded(id_: Any) -> str | int | None:
 def install(app: FastAPI, services: Services) -> None:
     """The route of the WebSocket."""
     held = HeldJogs(lambda name: find(services, name))
+    trail = Trail(lambda: services.audit)
 
     @requires(Role.VIEWER)
     async def events(socket: WebSocket) -> None:
@@ -334,7 +351,7 @@ def install(app: FastAPI, services: Services) -> None:
         except ProblemError as problem:
             await refuse_socket(socket, problem)
             return
-        await EventSocket(socket, services, held, principal).run(query)
+        await EventSocket(socket, services, held, principal, trail).run(query)
 
     app.router.add_api_websocket_route("/api/v1/events", events)
 

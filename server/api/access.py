@@ -1,7 +1,7 @@
 """Routes of access: signing in and out, and the tokens.
 
-Not the tokens themselves (`server/tokens.py`). The one rule: a secret is answered once, when it is made, and is in no
-log and no list.
+Not the tokens themselves (`server/tokens.py`), not the audit (audit.py). The one rule: a secret is answered once, when
+it is made, and is in no log and no list.
 """
 
 from typing import Annotated
@@ -10,8 +10,9 @@ from fastapi import FastAPI, Path, Request
 from starlette.datastructures import Headers
 from starlette.responses import Response
 
-from server.api.guard import SESSION_COOKIE, session_cookie
-from server.api.models import NewTokenView, SessionRequest, SessionView, TokenRequest, TokenView
+from server.api.accessmodels import NewTokenView, SessionRequest, SessionView, TokenRequest, TokenView
+from server.api.clientaddress import ADDRESS_KEY
+from server.api.guard import ATTEMPT_KEY, MADE_KEY, PRINCIPAL_KEY, SESSION_COOKIE, session_cookie
 from server.api.routing import Routes, json_response, principal_of
 from server.api.services import Json, Services
 from server.auth import SESSION_LIFETIME_S, Principal, Role
@@ -44,16 +45,19 @@ def _session(app: FastAPI, services: Services) -> None:
         role=Role.PUBLIC,
         summary="Sign in with a token",
         model=SessionView,
-        errors=("unauthorized",),
+        errors=("unauthorized", "token_expired", "too_many_attempts"),
     )
     async def sign_in(request: Request, body: SessionRequest) -> Response:
-        """For browsers: sets a cookie (HttpOnly, SameSite=Strict) that stands for the token."""
-        signed_in = await services.tokens.sign_in(body.token)
+        """For browsers: sets a cookie (HttpOnly, SameSite=Strict) that stands for the token. After ten wrong tokens
+        from one address the next ones are refused unseen for a while; `Retry-After` says how long."""
+        request.scope[ATTEMPT_KEY] = True
+        signed_in = await services.tokens.sign_in(body.token, request.scope[ADDRESS_KEY])
         if signed_in is None:
             raise ProblemError(
                 "unauthorized", "This token is not known or was revoked. `millstream token create` makes a new one."
             )
         principal, cookie = signed_in
+        request.scope[PRINCIPAL_KEY] = principal  # for the audit
         response = json_response(view(principal))
         response.set_cookie(
             SESSION_COOKIE,
@@ -84,12 +88,14 @@ def _tokens(app: FastAPI, services: Services) -> None:
         return json_response(await services.tokens.list())
 
     @routes.add("POST", "/tokens", role=Role.ADMIN, summary="Make a token", model=NewTokenView, status=201)
-    async def create_token(body: TokenRequest) -> Response:
-        """`token` is the secret; it is shown this once and cannot be read again."""
+    async def create_token(request: Request, body: TokenRequest) -> Response:
+        """`token` is the secret; it is shown this once and cannot be read again. Sessions end with their token."""
         try:
-            return json_response(await services.tokens.create(body.name, body.role), 201)
+            made = await services.tokens.create(body.name, body.role, body.expires)
         except TokenError as error:
             raise ProblemError("invalid_request", f"{error}.") from error
+        request.scope[MADE_KEY] = ("target", made["id"])
+        return json_response(made, 201)
 
     @routes.add(
         "DELETE",

@@ -13,6 +13,7 @@ from fastapi import FastAPI
 from server import ws
 from server.api import (
     access,
+    audit,
     io,
     jobs,
     machines,
@@ -23,6 +24,8 @@ from server.api import (
     switches,
     system,
 )
+from server.api.audittrail import Trail
+from server.api.clientaddress import Proxies
 from server.api.guard import Guard, HostRule
 from server.api.openapi import document
 from server.api.services import Services
@@ -35,10 +38,16 @@ def build(services: Services) -> FastAPI:
     app = _routes(services)
     settings = services.config.server
 
-    async def identify(*, bearer: str | None, cookie: str | None) -> Principal | None:
-        return await services.tokens.identify(bearer=bearer, cookie=cookie)
+    async def identify(*, bearer: str | None, cookie: str | None, address: str) -> Principal | None:
+        return await services.tokens.identify(bearer=bearer, cookie=cookie, address=address)
 
-    app.add_middleware(Guard, hosts=HostRule(settings.host, settings.allowed_hosts), identify=identify)
+    app.add_middleware(
+        Guard,
+        hosts=HostRule(settings.host, settings.allowed_hosts),
+        identify=identify,
+        proxies=Proxies(settings.trusted_proxies),
+        record=Trail(lambda: services.audit).request,
+    )
     description()
     return app
 
@@ -60,6 +69,6 @@ def _routes(services: Services) -> FastAPI:
     )
     problems.install(app)
     system.install(app, services, description)
-    for part in (access, machines, registers, machinesettings, switches, io, programs, jobs, ws):
+    for part in (access, audit, machines, registers, machinesettings, switches, io, programs, jobs, ws):
         part.install(app, services)
     return app

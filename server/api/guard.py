@@ -7,7 +7,7 @@ rule: nothing gets past here under a name that is not ours (DNS rebinding) or on
 import ipaddress
 import logging
 import socket
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from http.cookies import CookieError, SimpleCookie
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -17,15 +17,25 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from server.api.problems import internal_problem, problem_response, refuse_socket
+from server.api.clientaddress import ADDRESS_KEY, Proxies
+from server.api.problems import PROBLEM_KEY, internal_problem, problem_response, refuse_socket
 from server.auth import NOBODY, Principal, is_loopback
 from server.problems import ProblemError
 
 logger = logging.getLogger(__name__)
 
 PRINCIPAL_KEY = "millstream.principal"
+ATTEMPT_KEY = "millstream.attempt"
+"""Set where somebody has come with a token, right or wrong."""
+UNAUDITED_KEY = "millstream.unaudited"
+"""Set by a route where a request has only kept something alive."""
+MADE_KEY = "millstream.made"
+"""(column, id) of what a request has made, for the audit: `job`, or `target` (a program, a token)."""
 SESSION_COOKIE = "millstream_session"
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+
+GONE = 499
+"""In the audit: the client went away before there was an answer."""
 
 SECURITY_HEADERS = {
     "Content-Security-Policy": (
@@ -36,13 +46,19 @@ SECURITY_HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
+    "X-Frame-Options": "DENY",
+    "Permissions-Policy": "camera=(), microphone=(), geolocation=(), usb=(), serial=()",
 }
 
 
 class Identify(Protocol):
     """`TokenStore.identify`."""
 
-    async def __call__(self, *, bearer: str | None, cookie: str | None) -> Principal | None: ...
+    async def __call__(self, *, bearer: str | None, cookie: str | None, address: str) -> Principal | None: ...
+
+
+Record = Callable[[Scope, int], None]
+"""Told of each request that may have changed something, and of the status of its answer (`audittrail.Trail`)."""
 
 
 class HostRule:
@@ -100,10 +116,20 @@ def hostname(authority: str | None) -> str | None:
 class Guard:
     """ASGI middleware around the whole application."""
 
-    def __init__(self, app: ASGIApp, *, hosts: HostRule, identify: Identify) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        hosts: HostRule,
+        identify: Identify,
+        proxies: Proxies | None = None,
+        record: Record = lambda _scope, _status: None,
+    ) -> None:
         self._app = app
         self._hosts = hosts
         self._identify = identify
+        self._proxies = proxies or Proxies()
+        self._record = record
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -113,9 +139,7 @@ class Guard:
         try:
             headers = Headers(scope=scope)
             self._check_site(scope, headers)
-            scope[PRINCIPAL_KEY] = (
-                await self._identify(bearer=bearer(headers), cookie=session_cookie(headers)) or NOBODY
-            )
+            scope[PRINCIPAL_KEY] = await self._who(scope, headers)
             await self._app(scope, receive, answer)
         except ProblemError as problem:
             await self._refuse(problem, scope, receive, answer)
@@ -125,6 +149,15 @@ class Guard:
             logger.exception("unexpected error in %s %s", scope.get("method", "WEBSOCKET"), scope["path"])
             if not answer.started:
                 await self._refuse(internal_problem(), scope, receive, answer)
+        if scope["type"] == "http" and scope["method"] not in SAFE_METHODS:
+            self._record(scope, answer.status)
+
+    async def _who(self, scope: Scope, headers: Headers) -> Principal:
+        """Raises ProblemError for who guesses tokens."""
+        secret = bearer(headers)
+        scope[ATTEMPT_KEY] = secret is not None
+        address = scope[ADDRESS_KEY] = self._proxies.address_of(scope)
+        return await self._identify(bearer=secret, cookie=session_cookie(headers), address=address) or NOBODY
 
     def _check_site(self, scope: Scope, headers: Headers) -> None:
         """Raises ProblemError for a request that another site has sent through somebody's browser."""
@@ -151,6 +184,7 @@ class Guard:
         return headers.get("sec-fetch-site", "none") not in ("none", "same-origin")
 
     async def _refuse(self, problem: ProblemError, scope: Scope, receive: Receive, answer: "_Answer") -> None:
+        scope[PROBLEM_KEY] = problem.code
         if scope["type"] == "websocket":
             await refuse_socket(WebSocket(scope, receive, answer), problem)
         else:
@@ -162,11 +196,16 @@ class _Answer:
 
     def __init__(self, send: Send) -> None:
         self._send = send
-        self.started = False
+        self.status = GONE
+        """Of the answer; GONE where the client did not wait for one."""
+
+    @property
+    def started(self) -> bool:
+        return self.status != GONE
 
     async def __call__(self, message: Message) -> None:
         if message["type"] in ("http.response.start", "websocket.accept", "websocket.http.response.start"):
-            self.started = True
+            self.status = int(message.get("status", 101))
             headers = MutableHeaders(scope=message)
             for name, value in SECURITY_HEADERS.items():
                 headers[name] = value

@@ -12,7 +12,6 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 MAX_NOTE_CHARS = 2000
 
 TIME = "2026-03-01T09:30:00.250Z"
-EXAMPLE_SECRET = "mill_pWz0…"  # noqa: S105 - nobody's
 PROGRAM_ID = "5f70bf18a086007016e948b04aed3b82103a36bea41755b6cddfaf10ace3c6ef"
 
 
@@ -318,62 +317,3 @@ class JobReportView(BaseModel):
     """The job as a whole: what was done, how long it took, what the wire did."""
 
     model_config = example(job=JOB_EXAMPLE, batches=118, retries=1, inferred=0)
-
-
-# --- who may do what ------------------------------------------------------------------------------------------
-
-
-class SessionRequest(BaseModel):
-    """Sign in with a token."""
-
-    model_config = request_example(token=EXAMPLE_SECRET)
-    token: Annotated[str, Field(min_length=1, max_length=512)]
-
-
-class SessionView(BaseModel):
-    """Who you are here. `open`: the daemon runs without tokens, on loopback."""
-
-    model_config = example(name="screen", role="operator", open=False)
-    name: str
-    role: Literal["public", "viewer", "operator", "admin"]
-    open: bool
-
-
-RoleWord = Literal["viewer", "operator", "admin"]
-
-
-class TokenRequest(BaseModel):
-    """A name for people and a role."""
-
-    model_config = request_example(name="screen at the mill", role="operator")
-    name: Annotated[str, Field(min_length=1, max_length=80)]
-    role: RoleWord
-
-
-class TokenView(BaseModel):
-    """A token without its secret."""
-
-    model_config = example(
-        id="9f2c41aa", name="screen", role="operator", created_at=TIME, last_used_at=None, revoked_at=None
-    )
-    id: str
-    name: str
-    role: RoleWord
-    created_at: str
-    last_used_at: str | None
-    revoked_at: str | None
-
-
-class NewTokenView(TokenView):
-    """A token with its secret, which is shown this once."""
-
-    model_config = example(
-        id="9f2c41aa",
-        name="screen",
-        role="operator",
-        created_at=TIME,
-        last_used_at=None,
-        revoked_at=None,
-        token=EXAMPLE_SECRET,
-    )
-    token: str

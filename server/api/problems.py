@@ -22,6 +22,8 @@ logger = logging.getLogger(__name__)
 MEDIA_TYPE = "application/problem+json"
 TYPE_PREFIX = "/docs#problem-"
 """`type` of a problem: the address of its explanation in the daemon's own documentation."""
+PROBLEM_KEY = "millstream.problem"
+"""Where in a request's scope the code of its refusal stands, for the audit."""
 MAX_ECHO_CHARS = 200
 """A client's own words are shown back to it only this far."""
 
@@ -50,6 +52,8 @@ def problem_response(problem: ProblemError, headers: Mapping[str, str] | None = 
     extra = dict(headers or {})
     if problem.status == HTTPStatus.UNAUTHORIZED:
         extra["WWW-Authenticate"] = 'Bearer realm="millstream"'
+    if (wait_s := problem.extra.get("retry_after_s")) is not None:
+        extra["Retry-After"] = str(wait_s)
     return Response(dumps(problem_body(problem)), problem.status, extra, MEDIA_TYPE)
 
 
@@ -75,24 +79,29 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, _on_http)
 
 
-async def _on_problem(_request: Request, error: Exception) -> Response:
+async def _on_problem(request: Request, error: Exception) -> Response:
     assert isinstance(error, ProblemError)
-    return problem_response(error)
+    return _answered(request, error)
 
 
-async def _on_invalid(_request: Request, error: Exception) -> Response:
+async def _on_invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    return problem_response(invalid_request(error.errors()))
+    return _answered(request, invalid_request(error.errors()))
+
+
+def _answered(request: Request, problem: ProblemError, headers: Mapping[str, str] | None = None) -> Response:
+    request.scope[PROBLEM_KEY] = problem.code
+    return problem_response(problem, headers)
 
 
 async def _on_http(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     if error.status_code not in WHAT_TO_DO:
         logger.error("a framework's error without a code of ours: %s", error)
-        return problem_response(internal_problem())
+        return _answered(request, internal_problem())
     code, detail = WHAT_TO_DO[HTTPStatus(error.status_code)]
     path = request.url.path[:MAX_ECHO_CHARS]
-    return problem_response(ProblemError(code, detail.format(path=path, method=request.method)), error.headers)
+    return _answered(request, ProblemError(code, detail.format(path=path, method=request.method)), error.headers)
 
 
 def invalid_request(errors: Any) -> ProblemError:

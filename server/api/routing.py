@@ -5,6 +5,7 @@ Not the checks of Host and Origin (`guard.py`). The one rule: a role is judged b
 
 import inspect
 from collections.abc import Callable, Coroutine
+from http import HTTPStatus
 from typing import Any, TypeVar
 
 from fastapi import FastAPI, Request
@@ -14,11 +15,12 @@ from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, Response
 from starlette.types import Message, Receive
 
-from server.api.guard import PRINCIPAL_KEY
+from server.api.guard import MADE_KEY, PRINCIPAL_KEY
 from server.api.problems import MEDIA_TYPE, problem_body, statuses
 from server.auth import Principal, Role
 from server.jsontext import dumps
 from server.problems import ProblemError
+from server.tokens import EXPIRED_DETAIL
 
 MAX_BODY_BYTES = 1024 * 1024
 """Enough for any request but the upload of a program, which is streamed and has its own limit."""
@@ -28,7 +30,7 @@ STREAMED_ATTRIBUTE = "millstream_streamed"
 Endpoint = TypeVar("Endpoint", bound=Callable[..., Any])
 
 EVERYWHERE = ("bad_host", "internal")
-WHEN_CLOSED = ("unauthorized", "forbidden")
+WHEN_CLOSED = ("unauthorized", "token_expired", "too_many_attempts", "forbidden")
 
 
 class UndeclaredRoleError(Exception):
@@ -55,6 +57,8 @@ def admit(principal: Principal, role: Role) -> None:
     """Raises ProblemError when `principal` may not do what needs `role`."""
     if principal.role >= role:
         return
+    if principal.refused is not None:
+        raise ProblemError(principal.refused, EXPIRED_DETAIL)
     if principal.role is Role.PUBLIC:
         raise ProblemError(
             "unauthorized",
@@ -89,9 +93,19 @@ class RoleRoute(APIRoute):
             admit(principal_of(request), role)
             if not streamed:
                 request = Request(request.scope, _bounded(request.receive))
-            return await handler(request)
+            response = await handler(request)
+            if response.status_code == HTTPStatus.CREATED:
+                _note_made(request, response)
+            return response
 
         return guarded
+
+
+def _note_made(request: Request, response: Response) -> None:
+    """What a request has made stands in its Location; the audit names it."""
+    kind, _, id_ = response.headers.get("location", "").removeprefix("/api/v1/").partition("/")
+    if id_:
+        request.scope[MADE_KEY] = ("job" if kind == "jobs" else "target", id_)
 
 
 def _bounded(receive: Receive) -> Receive:

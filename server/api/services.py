@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Any, Literal, Protocol
 
 from protocol.commands import OnError
+from server.audit import Audit
 from server.hub import Hub
 from server.metrics import MachineMetrics
 from server.outbound.counters import Counters
@@ -166,6 +167,8 @@ class ServerSettings(Protocol):
     def max_upload_bytes(self) -> int: ...
     @property
     def allowed_hosts(self) -> Sequence[str]: ...
+    @property
+    def trusted_proxies(self) -> Sequence[str]: ...
 
 
 class Settings(Protocol):
@@ -194,5 +197,7 @@ class Services(Protocol):
     def hub(self) -> Hub: ...
     @property
     def tokens(self) -> TokenStore: ...
+    @property
+    def audit(self) -> Audit: ...
     @property
     def config(self) -> Settings: ...

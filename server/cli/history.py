@@ -14,6 +14,7 @@ import typer
 from sqlite_utils import Database
 
 from jobs import history, seals
+from server import audit
 from server.cli.common import CliError, ConfigFile, ExitCode, Json, safe, say, say_json
 from server.cli.settings import configuration
 
@@ -43,16 +44,22 @@ def verify(ctx: typer.Context, config: ConfigFile = None, database: DatabaseFile
     with _opened(path) as db:
         counted = seals.counts(db)
         found = [*history.faults(db), *seals.faults(db)]
+        # A backup of an older daemon has none.
+        counted |= audit.counts(db) if (audited := "audit" in db.table_names()) else {}
+        in_audit = list(audit.faults(db)) if audited else []
     if as_json:
         listed = [{"event": fault.event, "what": fault.what} for fault in found]
-        say_json({"database": str(path), "ok": not found, **counted, "faults": listed})
+        listed += [{"audit": fault.event, "what": fault.what} for fault in in_audit]
+        say_json({"database": str(path), "ok": not listed, **counted, "faults": listed})
     else:
-        for fault in found[:SHOWN_FAULTS]:
-            say(safe(f"{path}: event {fault.event}: {fault.what}"))
-        if len(found) > SHOWN_FAULTS:
-            say(f"and {len(found) - SHOWN_FAULTS} more")
-        say(_summary(counted, len(found)))
-    if found:
+        lines = [f"{path}: event {fault.event}: {fault.what}" for fault in found]
+        lines += [f"{path}: row {fault.event} of the audit: {fault.what}" for fault in in_audit]
+        for line in lines[:SHOWN_FAULTS]:
+            say(safe(line))
+        if len(lines) > SHOWN_FAULTS:
+            say(f"and {len(lines) - SHOWN_FAULTS} more")
+        say(_summary(counted, len(lines)))
+    if found or in_audit:
         raise typer.Exit(ExitCode.FAILED)
 
 
@@ -80,5 +87,6 @@ def _summary(counted: dict[str, int], faults: int) -> str:
     verdict = "all in order" if not faults else f"{faults} fault{'s' if faults > 1 else ''}"
     return (
         f"{counted['events']} events ({counted['first']} to {counted['last']}){removed}; "
-        f"{counted['jobs']} jobs, {counted['sealed']} of them sealed: {verdict}"
+        f"{counted['jobs']} jobs, {counted['sealed']} of them sealed; "
+        f"{counted.get('audit', 0)} rows of the audit: {verdict}"
     )

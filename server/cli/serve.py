@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import typer
 import uvicorn
 
+from server import auditing
 from server.auth import ExposureError, check_exposure
 from server.cli.common import CliError, ConfigFile, ExitCode, on_stop_signal, say, warn
 from server.cli.settings import DEFAULT_CONFIG, configuration, database, sole_daemon
@@ -181,6 +182,7 @@ async def _beside(workshop: "Workshop") -> AsyncIterator[None]:
     tasks = [
         asyncio.create_task(keep_sealing(workshop.db, WallClock())),
         asyncio.create_task(keep_within(workshop.config.history, workshop.db, WallClock(), workshop.programs.delete)),
+        asyncio.create_task(auditing.keep_within(workshop.config.audit, workshop.db, WallClock())),
     ]
     if notifier:
         tasks.append(asyncio.create_task(keep_telling(notifier, workshop.db, partial(_sentence, workshop))))

@@ -8,6 +8,7 @@ import pytest
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
+from server.auditconfig import AuditConfig
 from server.config import DEFAULT_DATA_DIR, MachineConfig, ServerConfig
 from server.configfile import describe
 from server.elvintoconfig import ElvintoConfig
@@ -32,6 +33,7 @@ from tests.harness.docs import page, rows, section
 SECTIONS: list[tuple[str, type[BaseModel]]] = [
     ("## `[server]`", ServerConfig),
     ("## `[history]`", HistoryConfig),
+    ("## `[audit]`", AuditConfig),
     ("## `[[machine]]`", MachineConfig),
     ("## `[machine.elvinto]`", ElvintoConfig),
     ("## `[machine.grbl]`", GrblConfig),

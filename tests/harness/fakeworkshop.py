@@ -9,7 +9,7 @@ import copy
 import sqlite3
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 import httpx
 from fastapi import FastAPI
@@ -20,6 +20,9 @@ from server.api import create_app
 from server.api.machinemodels import MACHINE_EXAMPLE, ConsoleLine, FilesView
 from server.api.models import JOB_EXAMPLE, PROGRAM_ID, CheckView, ProgramView
 from server.api.routing import example_of
+from server.audit import Audit
+from server.clock import WallClock
+from server.dbthread import Db
 from server.hub import Hub
 from server.metrics import MachineMetrics
 from server.outbound.counters import Counters
@@ -270,6 +273,7 @@ class FakeServerSettings:
     host: str = "127.0.0.1"
     max_upload_bytes: int = 1_000_000
     allowed_hosts: tuple[str, ...] = ()
+    trusted_proxies: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -285,9 +289,16 @@ class MemoryDatabase:
         prepare(self.db)
         self.runs = 0
 
-    async def run(self, fn: Callable[..., Any], *args: Any) -> Any:
+    trouble = None
+
+    async def run(self, fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
         self.runs += 1
-        return fn(self.db, *args)
+        return fn(self.db, *args, **kwargs)
+
+    def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
+        fn(self.db, *args)
+        if then is not None:
+            then()
 
     def close(self) -> None:
         self.db.close()
@@ -306,6 +317,7 @@ class FakeWorkshop:
         self.outbound = Counters()
         self.now = 5000.0
         self.tokens = TokenStore(self.database.run, host=self.config.server.host, monotonic=lambda: self.now)
+        self.audit = Audit(cast(Db, self.database), WallClock())
 
     @property
     def router(self) -> FakeMachine:

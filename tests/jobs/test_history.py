@@ -106,7 +106,7 @@ def test_every_fault_is_named_and_no_sound_row_is_blamed() -> None:
 def test_a_row_with_a_hash_that_fits_is_found_by_its_neighbour() -> None:
     with database() as db:
         filled(db)
-        forged = history._link(history.of_job(db, 1, limit=9)[1]["hash"], AT, "router", 1, "status", "{}")
+        forged = history.link(history.of_job(db, 1, limit=9)[1]["hash"], AT, "router", 1, "status", "{}")
         found = broken(db, f"update events set data = '{{}}', hash = '{forged}' where id = 3")
         assert found == [(4, "it does not follow from the event before: one of them was replaced")]
 

@@ -1,11 +1,13 @@
+import contextlib
 import sqlite3
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
 
-from server.auth import LOCAL_USER, Role
+from server.auth import EXPIRED, LOCAL_USER, Role
 from server.problems import ProblemError
+from server.ratelimit import BURST, REFILL_S
 from server.tokens import (
     NOTE_USE_EVERY_S,
     PREFIX,
@@ -169,7 +171,8 @@ def test_guessing_tokens_does_not_hammer_the_database() -> None:
             c.at += UNKNOWN_REFRESH_S
             before = c.database.runs
             for number in range(100):
-                assert await c.role(f"guess {number}") is None
+                with contextlib.suppress(ProblemError):
+                    assert await c.role(f"guess {number}") is None
             assert c.database.runs == before + 1
 
     run(main())
@@ -229,5 +232,68 @@ def test_use_is_noted_once_a_minute() -> None:
             await c.role(secret)
             await settle()
             assert (await c.tokens.list())[0]["last_used_at"] == "2026-03-01T09:31:00.000Z"
+
+    run(main())
+
+
+def test_a_token_ends_by_itself_and_its_sessions_with_it() -> None:
+    async def main() -> None:
+        async with Clockwork("0.0.0.0") as c:
+            made = await c.tokens.create("guest", "operator", "1h")
+            assert made["expires_at"] == "2026-03-01T10:30:00.000Z"
+            signed_in = await c.tokens.sign_in(made["token"])
+            assert signed_in is not None
+            principal, cookie = signed_in
+            c.at = 3599.0
+            assert await c.role(made["token"]) is await c.role(cookie=cookie) is Role.OPERATOR
+            assert c.tokens.still_good(principal)
+            c.at = 3600.0
+            for credentials in ({"bearer": made["token"], "cookie": None}, {"bearer": None, "cookie": cookie}):
+                assert await c.tokens.identify(**credentials) is EXPIRED
+            assert not c.tokens.still_good(principal)
+            with pytest.raises(ProblemError) as refused:
+                await c.tokens.sign_in(made["token"])
+            assert refused.value.code == "token_expired"
+
+    run(main())
+
+
+def test_nobody_becomes_admin_because_the_last_token_has_expired() -> None:
+    async def main() -> None:
+        async with Clockwork("127.0.0.1") as c:
+            await c.tokens.create("guest", "operator", "1h")
+            c.at = 1e6
+            await c.tokens.load()
+            assert not c.tokens.open
+            assert await c.role() is None
+
+    run(main())
+
+
+@pytest.mark.parametrize("expires", ["", "soon", "0d", "11y"])
+def test_lifetimes_that_are_refused(expires: str) -> None:
+    database = MemoryDatabase()
+    with pytest.raises(TokenError, match="90d"):
+        create_token(database.db, "x", "viewer", expires, now=NOW)
+    database.close()
+
+
+def test_who_guesses_is_refused_unseen_and_nobody_else_is() -> None:
+    async def main() -> None:
+        async with Clockwork("0.0.0.0") as c:
+            right = (await c.tokens.create("screen", "operator"))["token"]
+            at_work = (await c.tokens.create("desk", "operator"))["token"]
+            await c.tokens.identify(bearer=at_work, cookie=None, address="10.0.0.1")
+            for number in range(BURST):
+                assert await c.tokens.identify(bearer=f"guess {number}", cookie=None, address="10.0.0.1") is None
+            with pytest.raises(ProblemError) as refused:
+                await c.tokens.identify(bearer=right, cookie=None, address="10.0.0.1")
+            assert (refused.value.code, refused.value.extra) == ("too_many_attempts", {"retry_after_s": 10})
+            with pytest.raises(ProblemError):
+                await c.tokens.sign_in("guess", "10.0.0.1")
+            for secret, address in ((right, "10.0.0.2"), (at_work, "10.0.0.1")):
+                assert await c.tokens.identify(bearer=secret, cookie=None, address=address)
+            c.at += REFILL_S
+            assert await c.tokens.identify(bearer=right, cookie=None, address="10.0.0.1")
 
     run(main())

@@ -200,7 +200,7 @@ def test_an_error_after_the_answer_began_is_not_answered_twice() -> None:
         await send({"type": "http.response.start", "status": 200, "headers": []})
         raise RuntimeError("too late")
 
-    async def identify(*, bearer: str | None, cookie: str | None) -> Principal:
+    async def identify(*, bearer: str | None, cookie: str | None, address: str) -> Principal:
         return LOCAL_USER
 
     async def send(message: Message) -> None:

@@ -29,6 +29,7 @@ PUBLIC = {
 """What needs no token. A route that is added here is open to everybody who reaches the daemon."""
 
 ADMIN = {
+    ("GET", "/api/v1/audit"),
     ("GET", "/api/v1/tokens"),
     ("POST", "/api/v1/tokens"),
     ("DELETE", "/api/v1/tokens/{id}"),

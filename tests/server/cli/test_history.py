@@ -39,7 +39,7 @@ def changed(folder: Path, change: str) -> None:
 def test_all_in_order(verify: Run) -> None:
     outcome = verify()
     assert outcome.code == 0
-    assert outcome.out == "5 events (1 to 5); 0 jobs, 0 of them sealed: all in order\n"
+    assert outcome.out == "5 events (1 to 5); 0 jobs, 0 of them sealed; 0 rows of the audit: all in order\n"
     assert json.loads(verify("--json").out)["ok"] is True
 
 

@@ -1,0 +1,41 @@
+"""From where a request comes, behind proxies and with headers that anybody can write."""
+
+from typing import Any
+
+import pytest
+
+from server.api.clientaddress import Proxies
+
+
+def address(peer: str | None, trusted: tuple[str, ...] = (), *forwarded: str) -> str:
+    scope: dict[str, Any] = {
+        "type": "http",
+        "client": None if peer is None else (peer, 40000),
+        "headers": [(b"x-forwarded-for", one.encode()) for one in forwarded],
+    }
+    return Proxies(trusted).address_of(scope)
+
+
+def test_a_header_is_not_believed_unless_the_peer_is_a_known_proxy() -> None:
+    assert address("10.0.0.9", (), "1.2.3.4") == "10.0.0.9"
+    assert address("10.0.0.9", ("127.0.0.1",), "1.2.3.4") == "10.0.0.9"
+    assert address("127.0.0.1", ("127.0.0.1",), "1.2.3.4") == "1.2.3.4"
+    assert address(None) == ""
+
+
+@pytest.mark.parametrize(
+    ("forwarded", "expected"),
+    [
+        (("6.6.6.6, 1.2.3.4",), "1.2.3.4"),  # what stands before the first stranger is hearsay
+        (("6.6.6.6, 1.2.3.4, 10.0.0.2",), "1.2.3.4"),  # two proxies of ours
+        (("6.6.6.6", "1.2.3.4"), "1.2.3.4"),
+        (("1.2.3.4:5000",), "1.2.3.4"),
+        (("[2001:db8::1]:5000",), "2001:db8::1"),
+        (("<script>",), "10.0.0.1"),
+        (("1.2.3.4, nonsense",), "10.0.0.1"),
+        (("",), "10.0.0.1"),
+        ((",".join(["10.0.0.3"] * 1000),), "10.0.0.3"),
+    ],
+)
+def test_a_list_is_read_from_the_right(forwarded: tuple[str, ...], expected: str) -> None:
+    assert address("10.0.0.1", ("10.0.0.0/8",), *forwarded) == expected
