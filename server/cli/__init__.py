@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from server.cli import (
+    audit,
     backup,
     config,
     demo,
@@ -44,6 +45,7 @@ GROUPS = (
     watch,
     tokens,
     history,
+    audit,
     backup,
     simulator,
     stored,
