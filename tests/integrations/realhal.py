@@ -53,6 +53,26 @@ class Hal:
             timeout=WITHIN_S, check=False,
         )  # fmt: skip
 
+    def file(self, name: str, text: str) -> None:
+        """In the home, the user's own."""
+        path = self.folder / name
+        path.write_text(text, encoding="utf-8")
+        if os.getuid() == 0:
+            os.chown(path, NOBODY, NOBODY)
+
+    def whole(self, *command: str, within_s: float) -> None:
+        """Run something that loads a HAL of its own, to its end."""
+        with (self.folder / "hal.log").open("a") as log:
+            self._process = subprocess.Popen(
+                [*self._as, *command], cwd=self.folder, env=self._environ,
+                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, text=True,
+            )  # fmt: skip
+        try:
+            code = self._process.wait(within_s)
+        finally:
+            self.close()
+        assert code == 0, self.log()
+
     def start(self, text: str) -> None:
         """Load a HAL file; returns when every line of it has been carried out."""
         (self.folder / "test.hal").write_text(f"{text}\nloadusr -w touch up\n", encoding="utf-8")
@@ -116,7 +136,7 @@ class Hal:
 
 @contextmanager
 def hal() -> Iterator[Hal]:
-    """A HAL that nobody else has, in a home with the component, the changer of the tests and `websockets` in it."""
+    """A HAL that nobody else has, in a home with the component, the programs of the tests and `websockets` in it."""
     needed()
     with LOCK.open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -129,6 +149,7 @@ def hal() -> Iterator[Hal]:
             for script in (
                 root / "integrations/linuxcnc_hal/millstream_hal.py",
                 Path(__file__).with_name("hal_changer.py"),
+                Path(__file__).with_name("iocontrol_player.py"),
             ):
                 Path(shutil.copy(script, folder)).chmod(0o755)
             if one.run(PYTHON, "-c", "import websockets").returncode:  # as `apt install python3-websockets` would
