@@ -62,21 +62,20 @@ class Controller(Machine):
 
     def pause(self) -> None:
         """Stand still: at once where the machine can, else after the batch in flight. Raises ProblemError."""
-        runner = self.stream.runner
-        if self.stream.beginning.wanted:
-            self.stream.beginning.hold(hold=True)
-            return
+        runner, beginning = self.stream.runner, self.stream.beginning
         runs = runner is not None and runner.can_pause
-        # Whose job was interrupted may still have a machine that moves: it does what it had inside.
+        # Whose job was interrupted may still have a machine that moves: it does what it had inside, or what was typed.
         moves = self.state.status in ("run", "jog") or (self.state.status == "idle" and self.manual.moves)
         by_hand = moves and not self.stream.moving
         if runs or by_hand:
             self._urge(self.verbs.hold)
+        if beginning.wanted:
+            beginning.hold(hold=True)
         if runner is not None and runs:
             self.stream.react(runner.pause())
         elif self._jogged and not by_hand:
             self.cancel_jog()
-        elif not by_hand or self.verbs.hold is None:
+        elif not beginning.wanted and (not by_hand or self.verbs.hold is None):
             raise ProblemError("wrong_state", f"There is no running job on {self.name} to pause.")
 
     def resume(self) -> None:

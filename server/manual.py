@@ -25,7 +25,7 @@ from protocol.commands import (
 )
 from protocol.engine import Engine
 from protocol.errors import MessageTooLongError
-from protocol.events import CommandDone, CommandFailed, Event
+from protocol.events import CommandDone, CommandFailed, ControllerReset, Event, MachineRestarted
 from server.link import Link
 from server.problems import ProblemError
 
@@ -75,6 +75,9 @@ class Manual:
         self._token = 0
         self._queue: deque[_Waiting] = deque()
         self._sent: dict[int, _Sent] = {}
+        self.touched = 0
+        """Another number: a command that is more than a question was handed over, or the controller was reset, or the
+        epoch ended. What was planned from what the machine held before may be wrong then."""
 
     @property
     def busy(self) -> bool:
@@ -132,10 +135,12 @@ class Manual:
             _refuse(waiting.future, ProblemError("invalid_request", f"It cannot be sent: {error}."))
             return False
         self._sent[_token_of(waiting.command)] = _Sent(waiting.command, waiting.future)
+        self.touched += not isinstance(waiting.command, QUESTIONS)
         return True
 
     def handle(self, event: Event) -> None:
         """An event of the engine; those with a token of ours belong to an answer."""
+        self.touched += isinstance(event, MachineRestarted | ControllerReset)
         token = getattr(event, "token", None)
         sent = None if token is None else self._sent.get(token)
         if sent is None:
@@ -173,6 +178,7 @@ class Manual:
 
     def epoch_ended(self) -> None:
         """The engine that had commands of ours is gone: what became of them is not known."""
+        self.touched += 1
         problem = ProblemError("no_answer", f"The link to {self._machine} broke before the answer came.")
         self.sweep(problem)
         sent, self._sent = self._sent, {}

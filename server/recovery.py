@@ -43,6 +43,7 @@ class Recovery:
             await self._go_on(controller, row, action, line, wish)
 
     async def _go_on(self, controller: Controller, row: Row, action: str, line: int | None, wish: ReentryWish) -> None:
+        touched = controller.manual.touched
         past = await self._past(controller, row)
         if action == "continue":
             await self._check_continue(controller, row, past.position)
@@ -63,6 +64,12 @@ class Recovery:
             plan = await self._start(controller, row, line, wish)
         # Reading the program took a while: the machine may have changed.
         self._check_machine(controller, row)
+        if controller.stream.beginning.cancelled or controller.manual.touched != touched:
+            # The way to the work begins where it stood, and leaves out what it held.
+            raise ProblemError(
+                "wrong_state",
+                f"{controller.name} was stopped, reset or used by hand while the program was read. Ask again.",
+            )
         if action == "continue":
             against = self._against(controller, row, past.position)
             if against is not None:

@@ -105,11 +105,13 @@ class Starter:
         """Plan the program and begin. The machine is reserved for this job. False: it does not wait any more."""
         try:
             if not await self.leave_queue(row, Status.CHECKING):
-                if not controller.stream.beginning.held:
+                beginning = controller.stream.beginning
+                if not (beginning.held or beginning.cancelled):
                     return False
-                # Whoever pauses in the moment in which a job is chosen wants no other to begin in its place.
+                # Whoever pauses or stops in the moment in which a job is chosen wants no other to begin in its place.
                 await self._db.run(store.hold_queue, controller.name)
                 return True
+            touched = controller.manual.touched
             held = await held_by(controller)
             plan = await self.worker.run(
                 self.planning.start,
@@ -120,7 +122,7 @@ class Starter:
                 absolute=controller.state.absolute,
                 held=held,
             )
-            entered = await self._enter(controller, row)
+            entered = controller.manual.touched == touched and await self._enter(controller, row)
         except UNSTARTABLE as error:
             code = "not_plannable" if isinstance(error, CannotStartError | PlanError) else "program_missing"
             await self.set_status(row, Status.FAILED, JobError(code, str(error)))
@@ -133,6 +135,8 @@ class Starter:
         elif wanted:
             await self._back_to_queue(controller, row)
         else:
+            # As behind every other end of a job: what waits behind it waits for somebody's word.
+            self._db.post(store.hold_queue, controller.name)
             await self.set_status(row, Status.CANCELLED)
             await jobmodes.leave(controller)
         return True

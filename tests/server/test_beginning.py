@@ -178,17 +178,8 @@ def test_a_job_that_is_taken_up_again_can_be_paused_while_it_is_read(tmp_path: P
         bench = GrblBench(tmp_path, latency_s=0.01, options=CLEARANCE)
         shop = await bench.connected()
         controller, jobs = shop.machines[MACHINE], shop.jobs
-        moves = "\n".join(f"G1 X{i / 10:.1f} F600" for i in range(1, 60))
-        job = (await bench.job(f"G21 G90 G94\n{moves}\nM30\n"))["id"]
-        await until(lambda: controller.state.status == "run", within_s=10.0)
-        bench.cable.pull()
-        bench.cable.plugged = True
-        await until(lambda: controller.link_status == "connected", within_s=60.0)
-        await until(lambda: controller.state.status == "idle", within_s=60.0)
+        job, request = await taken_up(bench, controller)
         before = bench.executed()
-        jobs._starter.worker = SlowReader()
-        request = asyncio.create_task(recover(jobs, job))
-        await until(lambda: controller.stream.beginning.wanted, within_s=1.0, step_s=0.001)
         answer = await jobs.pause(job)
         assert (answer["status"], answer["hold"]) == ("interrupted", True)
         if resumed:
@@ -200,6 +191,121 @@ def test_a_job_that_is_taken_up_again_can_be_paused_while_it_is_read(tmp_path: P
         if not resumed:
             await jobs.resume(job)
         await bench.status(job, "completed")
+        await shop.stop()
+
+    run_simulated(main())
+
+
+async def taken_up(bench: GrblBench, controller: Controller) -> tuple[int, asyncio.Task[dict[str, Any]]]:
+    """A job that was interrupted and whose program is read again: its id, and the request, which has no answer yet."""
+    assert bench.shop is not None
+    jobs = bench.shop.jobs
+    moves = "\n".join(f"G1 X{i / 10:.1f} F600" for i in range(1, 60))
+    job = (await bench.job(f"G21 G90 G94\n{moves}\nM30\n"))["id"]
+    await until(lambda: controller.state.status == "run", within_s=10.0)
+    bench.cable.pull()
+    bench.cable.plugged = True
+    await until(lambda: controller.link_status == "connected", within_s=60.0)
+    await until(lambda: controller.state.status == "idle", within_s=60.0)
+    jobs._starter.worker = SlowReader()
+    request = asyncio.create_task(recover(jobs, job))
+    await until(lambda: controller.stream.beginning.wanted, within_s=1.0, step_s=0.001)
+    await asyncio.sleep(0.05)
+    return job, request
+
+
+Deed = Callable[[Controller], Awaitable[object]]
+
+
+async def _stops(controller: Controller) -> None:
+    controller.estop()
+    await asyncio.sleep(0.2)
+    await controller.unlock()
+
+
+DEEDS: dict[str, Deed] = {
+    "an emergency stop that is reset already": _stops,
+    "a reset": lambda controller: controller.reset(),
+    "a jog": lambda controller: controller.jog({"x": 0.01}, 6000),
+    "an origin": lambda controller: controller.run_blocks(["G92 X5"]),
+}
+
+
+@pytest.mark.parametrize("deed", DEEDS)
+def test_what_happens_to_the_machine_while_a_job_is_taken_up_ends_that(tmp_path: Path, deed: str) -> None:
+    async def main() -> None:
+        bench = GrblBench(tmp_path, latency_s=0.01, options=CLEARANCE)
+        shop = await bench.connected()
+        controller = shop.machines[MACHINE]
+        job, request = await taken_up(bench, controller)
+        before = len(bench.executed())
+        await DEEDS[deed](controller)
+        await until(
+            lambda: controller.state.status == "idle" and not controller.manual.busy, within_s=1.0, step_s=0.001
+        )
+        assert not request.done()
+        with pytest.raises(ProblemError, match="used by hand while the program was read"):
+            await request
+        await asyncio.sleep(20)
+        assert bench.executed()[before:] in ([], ["G92X5"])
+        assert (await shop.jobs.get(job))["status"] == "interrupted"
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_a_pause_holds_what_is_moved_by_hand_while_a_job_is_taken_up(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = GrblBench(tmp_path, latency_s=0.01, options=CLEARANCE)
+        shop = await bench.connected()
+        controller = shop.machines[MACHINE]
+        _, request = await taken_up(bench, controller)
+        by_hand = asyncio.create_task(controller.run_blocks(["G21 G91 G1 X50 F600"]))
+        await until(lambda: controller.state.status == "run", within_s=0.4, step_s=0.01)
+        controller.pause()
+        await until(lambda: controller.state.status == "hold", within_s=1.0, step_s=0.01)
+        with pytest.raises(ProblemError):
+            await request
+        by_hand.cancel()
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_behind_a_stop_while_checking_the_queue_waits(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = GrblBench(tmp_path, latency_s=0.01)
+        shop = await bench.connected()
+        controller, before = shop.machines[MACHINE], bench.executed()
+        _, request = await checked(bench, controller)
+        behind = asyncio.create_task(bench.job(MILL))
+        await until(lambda: controller.queue_length() == 1, within_s=0.4, step_s=0.01)
+        controller.estop()
+        assert ((await request)["status"], (await behind)["status"]) == ("cancelled", "queued")
+        await controller.unlock()
+        await bench.job(MILL, hold=True)
+        await asyncio.sleep(10)
+        assert bench.executed() == before
+        assert (await shop.jobs.get((await behind)["id"]))["hold"] is True
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_a_job_is_not_begun_on_what_was_before_a_reset(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = GrblBench(tmp_path, latency_s=0.01)
+        shop = await bench.connected()
+        controller = shop.machines[MACHINE]
+        await controller.run_blocks(["G92 X5"])
+        before = bench.executed()
+        _, request = await checked(bench, controller)
+        await asyncio.sleep(0.2)
+        await controller.reset()
+        view = await request
+        assert (view["status"], view["hold"]) == ("queued", True)
+        await asyncio.sleep(10)
+        assert bench.executed() == before
         await shop.stop()
 
     run_simulated(main())
