@@ -93,6 +93,7 @@ class Machine:
         self.metrics = MachineMetrics()
         self.queue_length: Callable[[], int] = lambda: 0
         self.on_ready: Callable[[], None] = lambda: None
+        self.control: dict[str, Any] | None = None
         self._hub = hub
         self._clock = clock
         self._loop = asyncio.get_running_loop()
@@ -178,7 +179,12 @@ class Machine:
 
     def state_view(self) -> dict[str, Any]:
         """The machine's state (api.md)."""
-        return state_view(self.state, seq=self._state_seq, at=self._state_at)
+        return {**state_view(self.state, seq=self._state_seq, at=self._state_at), "control": self.control}
+
+    def show_control(self, holder: dict[str, Any] | None) -> None:
+        """Who moves it by hand (lease.py)."""
+        self.control = holder
+        self._publish_state()
 
     def console(self, limit: int) -> list[dict[str, Any]]:
         """The last messages both ways, oldest first."""

@@ -29,6 +29,7 @@ CODES: dict[str, tuple[int, str]] = {
     "machine_busy": (409, "The machine is busy"),
     "job_active": (409, "A job is using the machine"),
     "alarm_active": (409, "The machine is in alarm"),
+    "control_held": (409, "Somebody else moves the machine by hand"),
     "needs_force": (409, "It is dangerous and was not asked for with force"),
     "not_supported": (409, "This machine's controller cannot do it"),
     "program_in_use": (409, "A job that has not ended needs this program"),

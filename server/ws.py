@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from server.api.audittrail import Trail
+from server.api.control import client_of
 from server.api.guard import PRINCIPAL_KEY
 from server.api.machines import find
 from server.api.messages import CLIENT_MESSAGE, ROLES, Io, Jog, JogStop, SocketQuery, Subscribe, Verb
@@ -26,6 +27,7 @@ from server.auth import Principal, Role
 from server.heldjog import HeldJogs
 from server.hub import Hub
 from server.jsontext import dumps
+from server.lease import Client, Leases
 from server.problems import ProblemError
 from server.subscription import Subscription
 from server.textframe import text_frame
@@ -91,9 +93,18 @@ class EventSocket:
     """One connected reader; an `Outlet` of the fan-out."""
 
     def __init__(
-        self, socket: WebSocket, services: Services, held: HeldJogs, principal: Principal, trail: Trail
+        self,
+        socket: WebSocket,
+        services: Services,
+        held: HeldJogs,
+        principal: Principal,
+        trail: Trail,
+        leases: Leases,
+        client: Client,
     ) -> None:
         self._socket = socket
+        self._leases = leases
+        self._client = client
         self._trail = MessageTrail(trail, socket.scope, principal)
         self._services = services
         self._held = held
@@ -121,6 +132,7 @@ class EventSocket:
         subscription = hub.subscribe(query.filter())
         # In the same step as the subscription: nothing falls between, and nothing comes twice.
         start = _Start.of(hub, query, subscription)
+        self._leases.socket_opened(self._client)
         try:
             await self._socket.accept()
             await self._until_one_ends(
@@ -129,6 +141,7 @@ class EventSocket:
         finally:
             self._wire.on_room = None
             self._held.release_all(self)
+            self._leases.socket_closed(self._client)
             for machine in self._changing:
                 self._services.changers[machine].leave(self)
             for task in self._under_way:
@@ -227,11 +240,8 @@ class EventSocket:
                 self._stop_all()
             case Verb():
                 VERBS[message.type](find(self._services, self._machine(message.machine)))
-            case Jog(hold=True):
-                name = self._machine(message.machine)
-                return self._held.beat(name, self, message.axes(), message.feed)
             case Jog():
-                return find(self._services, self._machine(message.machine)).jog(message.axes(), message.feed)
+                return self._jog(self._machine(message.machine), message)
             case Io():
                 machine = self._machine(message.machine)
                 self._changing.add(machine)
@@ -239,6 +249,13 @@ class EventSocket:
             case JogStop():
                 self._held.release(self._machine(message.machine), self)
         return None
+
+    async def _jog(self, machine: str, jog: Jog) -> None:
+        with self._leases.use(machine, self._client):
+            if jog.hold:
+                await self._held.beat(machine, self, jog.axes(), jog.feed)
+            else:
+                await find(self._services, machine).jog(jog.axes(), jog.feed)
 
     def _machine(self, name: str | None) -> str:
         """The machine that is meant. Raises ProblemError where that is not clear."""
@@ -337,7 +354,7 @@ def _bounded(id_: Any) -> str | int | None:
     return id_ if isinstance(id_, str | int) and len(str(id_)) <= MAX_ID_CHARS else None
 
 
-def install(app: FastAPI, services: Services) -> None:
+def install(app: FastAPI, services: Services, leases: Leases) -> None:
     """The route of the WebSocket."""
     held = HeldJogs(lambda name: find(services, name))
     trail = Trail(lambda: services.audit)
@@ -348,10 +365,11 @@ def install(app: FastAPI, services: Services) -> None:
         try:
             admit(principal, Role.VIEWER)
             query = _query(socket)
+            client = client_of(socket.scope)
         except ProblemError as problem:
             await refuse_socket(socket, problem)
             return
-        await EventSocket(socket, services, held, principal, trail).run(query)
+        await EventSocket(socket, services, held, principal, trail, leases, client).run(query)
 
     app.router.add_api_websocket_route("/api/v1/events", events)
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
 
+from server.api.machinemodels import HolderView
 from server.api.models import TIME, example, request_example
 
 EXAMPLE_SECRET = "mill_pWz0…"  # noqa: S105 - nobody's
@@ -117,3 +118,21 @@ class AuditView(BaseModel):
     code: str | None
     lost: int
     hash: str
+
+
+class ControlRequest(BaseModel):
+    """`takeover`: also from somebody who has it."""
+
+    model_config = request_example(takeover=True)
+    takeover: bool = False
+
+
+class ControlView(BaseModel):
+    """Who moves a machine by hand; `yours`: it is the client that asks."""
+
+    model_config = example(
+        machine="router", holder={"name": "screen", "client": "192.168.1.17", "since": TIME}, yours=False
+    )
+    machine: str
+    holder: HolderView | None
+    yours: bool

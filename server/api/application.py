@@ -4,16 +4,18 @@ Not the server that speaks HTTP (uvicorn). The one rule: what takes long is done
 loop that answers requests also keeps the machines, and describing all routes takes it a good part of a second.
 """
 
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from importlib.metadata import version
 from typing import cast
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Request
 
 from server import ws
 from server.api import (
     access,
     audit,
+    control,
     io,
     jobs,
     machines,
@@ -26,11 +28,14 @@ from server.api import (
 )
 from server.api.audittrail import Trail
 from server.api.clientaddress import Proxies
+from server.api.control import client_of
 from server.api.guard import Guard, HostRule
 from server.api.openapi import document
 from server.api.services import Services
 from server.auth import Principal
+from server.hub import rfc3339, utc_now
 from server.jsontext import dumps
+from server.lease import Leases
 
 
 def build(services: Services) -> FastAPI:
@@ -41,6 +46,13 @@ def build(services: Services) -> FastAPI:
     async def identify(*, bearer: str | None, cookie: str | None, address: str) -> Principal | None:
         return await services.tokens.identify(bearer=bearer, cookie=cookie, address=address)
 
+    def controlled(request: Request) -> AbstractContextManager[None]:
+        machine = request.path_params["m"]
+        # What is wrong with the name the route itself says.
+        known = machine in services.machines
+        return app.state.leases.use(machine, client_of(request.scope)) if known else nullcontext()
+
+    app.state.control = controlled
     app.add_middleware(
         Guard,
         hosts=HostRule(settings.host, settings.allowed_hosts),
@@ -67,8 +79,13 @@ def _routes(services: Services) -> FastAPI:
         redoc_url=None,
         redirect_slashes=False,
     )
+    leases = app.state.leases = Leases(
+        lambda name, holder: services.machines[name].show_control(holder), lambda: rfc3339(utc_now())
+    )
     problems.install(app)
     system.install(app, services, description)
-    for part in (access, audit, machines, registers, machinesettings, switches, io, programs, jobs, ws):
+    for part in (access, audit, machines, registers, machinesettings, switches, io, programs, jobs):
         part.install(app, services)
+    control.install(app, services, leases)
+    ws.install(app, services, leases)
     return app

@@ -26,6 +26,15 @@ class AlarmView(BaseModel):
     message: str
 
 
+class HolderView(BaseModel):
+    """Who moves a machine by hand. `client` is what it calls itself, or its address."""
+
+    model_config = example(name="screen", client="192.168.1.17", since=TIME)
+    name: str
+    client: str
+    since: str
+
+
 class PositionView(BaseModel):
     """Coordinates in mm (degrees for a, b, c); an axis that is not known is absent."""
 
@@ -48,6 +57,7 @@ STATE_EXAMPLE: dict[str, Any] = {
     "homed": True,
     "pendant": False,
     "substate": None,
+    "control": None,
     "seq": 1841,
     "at": TIME,
 }
@@ -57,7 +67,7 @@ class StateView(BaseModel):
     """The last known state. `feed` in mm/min, `spindle` in rpm, `overrides` in percent; null where it is not known.
 
     `accessories` are those that run, `pendant`: one owns the machine (MPG), `substate` as the controller numbers it
-    (Grbl: Hold 0 stands, 1 decelerates; Door 0 to 3).
+    (Grbl: Hold 0 stands, 1 decelerates; Door 0 to 3), `control`: who moves it by hand, null where nobody does.
     """
 
     model_config = example(**STATE_EXAMPLE)
@@ -74,6 +84,7 @@ class StateView(BaseModel):
     homed: bool | None
     pendant: bool
     substate: int | None
+    control: HolderView | None
     seq: int
     at: str | None
 

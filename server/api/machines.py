@@ -48,6 +48,8 @@ VERBS: tuple[tuple[str, str, Act, tuple[str, ...]], ...] = (
     ("reset", "Clear an alarm and begin with the machine anew", lambda machine: machine.reset(), NEEDS_JOB),
 )
 """Verb, what it does, how, and what can stand against it."""
+BY_HAND = frozenset({"home", "unlock", "reset"})
+"""Verbs that need the control of the machine. What stops it needs none, nor does what goes on with a job."""
 
 
 def find(services: Services, name: str) -> MachineControl:
@@ -140,6 +142,7 @@ def _verbs(app: FastAPI, services: Services) -> None:
             model=Accepted,
             status=202,
             errors=("unknown_machine", *errors),
+            by_hand=verb in BY_HAND,
         )
         declare(endpoint)
 
@@ -165,6 +168,7 @@ def _by_hand(app: FastAPI, services: Services) -> None:
         summary="Run blocks by hand",
         model=CommandsResult,
         errors=NEEDS_IDLE,
+        by_hand=True,
     )
     async def run_commands(m: MachineName, body: CommandsRequest) -> Response:
         """Possible when no job runs. Answers when the blocks are executed, with a result for each."""
@@ -178,6 +182,7 @@ def _by_hand(app: FastAPI, services: Services) -> None:
         model=Accepted,
         status=202,
         errors=NEEDS_IDLE,
+        by_hand=True,
     )
     async def jog(m: MachineName, body: JogRequest) -> Response:
         """A relative move of one or more axes; possible when the machine is idle."""
@@ -222,6 +227,7 @@ def _sd_and_tool(app: FastAPI, services: Services) -> None:
         model=Accepted,
         status=202,
         errors=(*NEEDS_IDLE, "not_supported"),
+        by_hand=True,
     )
     async def run_sd(m: MachineName, body: RunFileRequest) -> Response:
         """The machine reads the program itself; state and tool requests come while it runs."""

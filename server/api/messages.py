@@ -104,6 +104,8 @@ class SocketQuery(BaseModel):
     machines: list[MachineName] | None = None
     rate: Rate = DEFAULT_RATE_HZ
     since: Annotated[int, Field(ge=0)] | None = None
+    client: str | None = None
+    """As the header Millstream-Client (server/api/control.py)."""
 
     @model_validator(mode="before")
     @classmethod
@@ -123,7 +125,8 @@ SOCKET_TEXT = """\
 ## WebSocket `/api/v1/events`
 
 Needs the role `viewer` (a bearer token, or the session cookie). Query: `topics=state,job`, `machines=router`,
-`rate=20` (most state messages a second), `since=SEQ` (the largest `seq` seen before a reconnect).
+`rate=20` (most state messages a second), `since=SEQ` (the largest `seq` seen before a reconnect), `client=ID` (as the
+header `Millstream-Client`: tells those apart who share a token).
 
 Every message of the server is `{"seq", "type", "machine", "at", "data"}`. The first is `hello`; its `data` holds
 `machines`, `jobs` and `queues` (by machine) as they are now, and `resync`: false when everything since `since` follows,

@@ -98,6 +98,7 @@ def _offsets(app: FastAPI, services: Services) -> None:
     @routes.add(
         "PATCH",
         "/machines/{m}/offsets",
+        by_hand=True,
         role=Role.OPERATOR,
         summary="Set a coordinate offset",
         model=OffsetsView,
@@ -111,6 +112,7 @@ def _offsets(app: FastAPI, services: Services) -> None:
     @routes.add(
         "DELETE",
         "/machines/{m}/offsets/{name}",
+        by_hand=True,
         role=Role.OPERATOR,
         summary="Clear the G92 offset or the tool length",
         model=OffsetsView,
@@ -139,6 +141,7 @@ def _startup(app: FastAPI, services: Services) -> None:
     @routes.add(
         "PUT",
         "/machines/{m}/startup-blocks",
+        by_hand=True,
         role=Role.ADMIN,
         summary="Change the start-up blocks",
         model=StartupView,

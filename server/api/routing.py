@@ -5,6 +5,7 @@ Not the checks of Host and Origin (`guard.py`). The one rule: a role is judged b
 
 import inspect
 from collections.abc import Callable, Coroutine
+from contextlib import AbstractContextManager, nullcontext
 from http import HTTPStatus
 from typing import Any, TypeVar
 
@@ -25,6 +26,7 @@ from server.tokens import EXPIRED_DETAIL
 MAX_BODY_BYTES = 1024 * 1024
 """Enough for any request but the upload of a program, which is streamed and has its own limit."""
 ROLE_ATTRIBUTE = "millstream_role"
+BY_HAND_ATTRIBUTE = "millstream_by_hand"
 STREAMED_ATTRIBUTE = "millstream_streamed"
 
 Endpoint = TypeVar("Endpoint", bound=Callable[..., Any])
@@ -79,6 +81,12 @@ def principal_of(request: Request) -> Principal:
     return principal
 
 
+def control_of(request: Request) -> AbstractContextManager[None]:
+    """The control of the machine that a request is about, as `application.build` gives it."""
+    control: Callable[[Request], AbstractContextManager[None]] = request.app.state.control
+    return control(request)
+
+
 class RoleRoute(APIRoute):
     """A route that lets nobody in below its role and no body above its limit."""
 
@@ -88,12 +96,14 @@ class RoleRoute(APIRoute):
         if role is None:
             raise UndeclaredRoleError(f"{self.path} declares no role")
         streamed = getattr(self.endpoint, STREAMED_ATTRIBUTE, False)
+        by_hand = getattr(self.endpoint, BY_HAND_ATTRIBUTE, False)
 
         async def guarded(request: Request) -> Response:
             admit(principal_of(request), role)
             if not streamed:
                 request = Request(request.scope, _bounded(request.receive))
-            response = await handler(request)
+            with control_of(request) if by_hand else nullcontext():
+                response = await handler(request)
             if response.status_code == HTTPStatus.CREATED:
                 _note_made(request, response)
             return response
@@ -146,15 +156,19 @@ class Routes:
         status: int = 200,
         errors: tuple[str, ...] = (),
         streamed: bool = False,
+        by_hand: bool = False,
         content: dict[str, Any] | None = None,
         openapi_extra: dict[str, Any] | None = None,
     ) -> Callable[[Endpoint], Endpoint]:
-        """Declare an endpoint. `model` describes its JSON answer; `content` one that is not JSON."""
+        """Declare an endpoint. `model` describes its JSON answer; `content` one that is not JSON. `by_hand`: it moves
+        the machine `m`, and one client at a time may do so (server/lease.py)."""
 
         def declare(endpoint: Endpoint) -> Endpoint:
             requires(role)(endpoint)
             setattr(endpoint, STREAMED_ATTRIBUTE, streamed)
+            setattr(endpoint, BY_HAND_ATTRIBUTE, by_hand)
             codes = (*errors, *EVERYWHERE, *(WHEN_CLOSED if role is not Role.PUBLIC else ()))
+            codes += ("control_held",) if by_hand else ()
             codes += () if method == "GET" else ("bad_origin",)
             codes += ("invalid_request",) if _takes_input(endpoint) else ()
             codes += ("malformed_json", "too_large") if _takes_json(endpoint) else ()
@@ -170,7 +184,7 @@ class Routes:
                 response_model=None,
                 response_class=Response if model is None else JSONResponse,
                 responses={status: _success(model, content), **_refusals(codes)},
-                openapi_extra={"x-required-role": role.word, **(openapi_extra or {})},
+                openapi_extra={"x-required-role": role.word, "x-needs-control": by_hand, **(openapi_extra or {})},
                 operation_id=endpoint.__name__,
             )
             return endpoint

@@ -39,6 +39,7 @@ def _modes(app: FastAPI, services: Services) -> None:
     @routes.add(
         "POST",
         "/machines/{m}/check-mode",
+        by_hand=True,
         role=Role.OPERATOR,
         summary="Switch the check mode",
         model=Accepted,
@@ -53,6 +54,7 @@ def _modes(app: FastAPI, services: Services) -> None:
     @routes.add(
         "POST",
         "/machines/{m}/sleep",
+        by_hand=True,
         role=Role.OPERATOR,
         summary="Send the controller to sleep",
         model=Accepted,
@@ -110,6 +112,7 @@ def _pressed(app: FastAPI, services: Services) -> None:
     @routes.add(
         "POST",
         "/machines/{m}/spindle-stop",
+        by_hand=True,
         role=Role.OPERATOR,
         summary="Stop the spindle of a held machine, or start it again",
         model=Accepted,

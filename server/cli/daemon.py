@@ -25,6 +25,7 @@ HINTS = {
     "unauthorized": "Set MILLSTREAM_TOKEN; the daemon's owner makes one with `millstream token create`.",
     "preflight_warnings": "Here: `millstream submit --force`.",
     "needs_force": "Here: --force.",
+    "control_held": "Here: `millstream control --takeover`.",
 }
 """What a refusal means for somebody at the command line."""
 

@@ -65,6 +65,7 @@ class FakeMachine(Recording):
         self.metrics = MachineMetrics()
         self.while_jogging: Callable[[], Any] | None = None
         self.jog_ahead = 0
+        self.control: Json | None = None
 
     def view(self) -> Json:
         return copy.deepcopy(MACHINE_EXAMPLE) | {"name": self.name}
@@ -72,6 +73,9 @@ class FakeMachine(Recording):
     def state_view(self) -> Json:
         state: Json = self.view()["state"]
         return state
+
+    def show_control(self, holder: Json | None) -> None:
+        self.control = holder
 
     def console(self, limit: int) -> list[Json]:
         self.note("console", limit)
