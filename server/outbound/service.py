@@ -9,15 +9,17 @@ import contextlib
 import logging
 import os
 import socket
+import ssl
 from collections.abc import AsyncIterator, Coroutine
 from typing import TYPE_CHECKING
 
 from server.clock import WallClock, stamp
 from server.config import Config
 from server.outbound.devicemodel import axes_of
-from server.outbound.errors import OutboundError
+from server.outbound.errors import OutboundError, first_line, need
 from server.outbound.feed import Feed, standing
 from server.outbound.mtconnect import Adapter, fresh_devices
+from server.outbound.tasks import end
 
 if TYPE_CHECKING:
     from server.app import Workshop
@@ -32,6 +34,8 @@ class Outbound:
     def __init__(self, config: Config) -> None:
         self.config = config
         self._agents: socket.socket | None = None
+        self._password: str | None = None
+        self._tls: ssl.SSLContext | None = None
 
     @classmethod
     def prepare(cls, config: Config) -> "Outbound":
@@ -39,6 +43,11 @@ class Outbound:
         made = cls(config)
         if config.mtconnect.enabled:
             made._agents = _listener(config.mtconnect.host, config.mtconnect.port)
+        try:
+            made._prepare_mqtt()
+        except BaseException:
+            made.close()
+            raise
         return made
 
     def close(self) -> None:
@@ -53,21 +62,48 @@ class Outbound:
         try:
             yield
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await end(tasks)
             self.close()
 
     def _work(self, workshop: "Workshop") -> list[tuple[str, Coroutine[None, None, None]]]:
         work = []
         if self._agents is not None:
             work.append(("MTConnect", self._mtconnect(workshop, self._agents)))
+        if self.config.mqtt.enabled:
+            work.append(("MQTT", self._mqtt(workshop)))
         return work
 
     def _feed(self, workshop: "Workshop", rate_hz: float) -> Feed:
         """`rate_hz` for each machine."""
         most_hz = rate_hz * max(1, len(workshop.machines))
         return Feed(workshop.hub, rate_hz=most_hz, now_stands=lambda: standing(workshop.machines, _now))
+
+    def _prepare_mqtt(self) -> None:
+        config = self.config.mqtt
+        if not config.enabled:
+            return
+        need("mqtt", "aiomqtt")
+        from server.outbound.mqtt import tls_context
+
+        self._password = config.password or first_line("mqtt.password_file", config.password_file)
+        try:
+            self._tls = tls_context(config)
+        except OSError as error:
+            raise OutboundError(f"mqtt.ca_file: {config.ca_file}: {error.strerror or error}") from error
+
+    async def _mqtt(self, workshop: "Workshop") -> None:
+        from server.outbound.mqtt import Bridge
+
+        config = self.config.mqtt
+        bridge = Bridge(
+            config,
+            workshop.machines,
+            protocols={machine.name: machine.protocol for machine in self.config.machine},
+            password=self._password,
+            tls=self._tls,
+            counted=workshop.outbound.mqtt,
+        )
+        await bridge.run(self._feed(workshop, config.rate))
 
     async def _mtconnect(self, workshop: "Workshop", listener: socket.socket) -> None:
         config = self.config.mtconnect

@@ -1,5 +1,7 @@
 """docs/telemetry.md against the code: every item that an agent is told, every word of EXECUTION."""
 
+from server.outbound.feed import Notice
+from server.outbound.mqtttopics import COMMANDS, Topics, job_payload
 from server.outbound.shdr import _EXECUTION_BY_JOB, _EXECUTION_BY_STATE, Condition, Device
 from tests.harness.docs import page, rows
 
@@ -16,3 +18,12 @@ def test_every_item_that_agents_are_told() -> None:
 def test_every_word_of_execution() -> None:
     table = rows(page("telemetry.md"), "execution", "when")
     assert {row[0] for row in table} == {*_EXECUTION_BY_STATE.values(), *_EXECUTION_BY_JOB.values(), "READY"}
+
+
+def test_every_topic_and_every_field_of_a_job() -> None:
+    table = dict(rows(page("telemetry.md"), "topic", "payload"))
+    topics = Topics("millstream")
+    leaves = ("availability", "state", "job", "alarm", "command")
+    assert set(table) == {topics.availability, *(topics.of("<machine>", leaf) for leaf in leaves)}
+    assert table[topics.of("<machine>", "job")].split(", ") == list(job_payload(Notice("job", "m", "t")))
+    assert all(word in table[topics.of("<machine>", "command")] for word in COMMANDS)
