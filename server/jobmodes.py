@@ -1,7 +1,8 @@
 """How a job is run where a protocol gives a choice: for real or through the controller's own check; after a refusal.
 
 Not the running (jobs/runner.py). The one rule: a machine that was put into check mode for a job is taken out of it
-when the job ends, however it ends, as long as it can be reached; and by the next daemon where this one dies.
+when the job ends, however it ends, as long as it can be reached; and by the next daemon where this one dies, unless a
+start-up block would move the machine behind the reset.
 """
 
 import asyncio
@@ -13,8 +14,9 @@ from typing import Any
 from jobs import history, store
 from jobs.delivery import Policy
 from jobs.store import Row
-from protocol.commands import CheckMode, OnError
-from protocol.events import CommandFailed
+from protocol.commands import CheckMode, OnError, ReadStartupBlocks
+from protocol.events import CommandFailed, StartupBlocksRead
+from protocol.grbl.registers import dangers
 from server.clock import Clock, stamp
 from server.controller import Controller
 from server.dbthread import Db
@@ -50,13 +52,23 @@ async def enter(controller: Controller, row: Row, db: Db, clock: Clock) -> None:
     """Before the first line of a check goes out. Raises ProblemError."""
     if not Policy.of(row).check:
         return
-    # Durable before `$C` goes out: a daemon after this one must know whose check mode it is.
-    write = partial(history.append, at=stamp(clock), kind=ENTERED, data={}, machine=controller.name, job=row["id"])
+    # Durable before `$C` goes out: a daemon after this one must know whose check mode it is, and cannot ask for the
+    # start-up blocks any more (grbl II.6).
+    data = {"dangers": await _startup_dangers(controller)}
+    write = partial(history.append, at=stamp(clock), kind=ENTERED, data=data, machine=controller.name, job=row["id"])
     await db.run(write)
     controller.checking_for = row["id"]
     answer = await controller.ask(partial(CheckMode, on=True))
     if isinstance(answer.end, CommandFailed):
         raise ProblemError("command_failed", f"{controller.name} cannot check: {answer.end.message}.")
+
+
+async def _startup_dangers(controller: Controller) -> list[str]:
+    """What its start-up blocks do behind the reset at the end of the check, beside setting modes."""
+    answer = await controller.ask(ReadStartupBlocks)
+    if isinstance(answer.end, CommandFailed):
+        return [f"what they do is not known ({answer.end.message})"]
+    return [danger for block in answer.only(StartupBlocksRead).blocks for danger in dangers(block)]
 
 
 async def leave(controller: Controller) -> None:
@@ -94,19 +106,28 @@ async def left_behind(controller: Controller, db: Db) -> int | None:
     return job
 
 
-async def clear_up(controller: Controller, hub: Hub) -> None:
+async def clear_up(controller: Controller, hub: Hub, db: Db) -> None:
     """The machine has answered: leave a check mode that was left behind. Nothing moves by it: the controller stands in
-    check mode, and resets itself. A check that was interrupted keeps it until somebody cancels that job."""
+    check mode, and resets itself; where a start-up block would move it then, or may, that is left to people. A check
+    that was interrupted keeps it until somebody cancels that job."""
     job = controller.checking_for
-    if job is None or controller.stream.active_job is not None:
+    entered = None if job is None else await db.run(history.newest, job, ENTERED)
+    if job is None or controller.checking_for != job or controller.stream.active_job is not None:
         return
+    found = (entered or {}).get("dangers", ["what they do is not known"])
     if _in_check(controller):
-        message = (
-            f"{controller.name} is in check mode: for job {job} it was switched on, and the daemon ended before it was "
-            "switched off. It is switched off now, and the controller resets itself; G92 and the tool length are gone."
-        )
+        message = f"{controller.name} is in check mode: for job {job} it was switched on, and the daemon ended before "
+        message += "it was switched off."
+        if found:
+            message += (
+                f" Switch it off when nothing is in the way: its start-up blocks run then: {'; '.join(found)}."
+            )
+        else:
+            message += " It is switched off now, and the controller resets itself; G92 and the tool length are gone."
         hub.publish("log", controller.name, {"level": "warning", "kind": "check_mode", "message": message})
-        controller.stream.note("check_mode_found", job=job)
+        controller.stream.note("check_mode_found", job=job, left=not found)
+        if found:
+            return
     await leave(controller)
 
 

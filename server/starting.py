@@ -245,7 +245,7 @@ class Starter:
             await self._adopt(controller, row)
 
     def _clear_up(self, controller: Controller) -> None:
-        self._background.begin(jobmodes.clear_up(controller, self._hub))
+        self._background.begin(jobmodes.clear_up(controller, self._hub, self._db))
 
     async def _adopt(self, controller: Controller, row: Row) -> None:
         delivery = controller.config.dialect.delivery()

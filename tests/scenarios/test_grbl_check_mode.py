@@ -107,6 +107,26 @@ def test_a_check_mode_that_was_left_behind_is_left_and_said(tmp_path: Path) -> N
     run_simulated(main())
 
 
+@pytest.mark.parametrize("block", ["G0X30", "M3S900"])
+def test_a_check_mode_is_left_to_people_where_a_start_up_block_would_move(tmp_path: Path, block: str) -> None:
+    async def main() -> None:
+        bench = GrblBench(tmp_path)
+        bench.machine.core.memory.startup[1] = block
+        await bench.connected()
+        job = await dies_behind_the_switch(bench)
+        shop = await bench.connected()
+        router = shop.machines[MACHINE]
+        await asyncio.sleep(30)
+        assert (router.state.status, router.state.position["x"], router.state.spindle_rpm) == ("check", 0.0, 0.0)
+        (found,) = [event for event in await shop.jobs.events(job) if event["type"] == "check_mode_found"]
+        assert found["data"] == {"left": False}
+        (entered,) = [event for event in await shop.jobs.events(job) if event["type"] == "check_mode_entered"]
+        assert len(entered["data"]["dangers"]) == 1
+        await shop.stop()
+
+    run_simulated(main())
+
+
 def test_a_check_mode_that_is_gone_already_is_only_written_down(tmp_path: Path) -> None:
     async def main() -> None:
         bench = GrblBench(tmp_path)
