@@ -45,6 +45,8 @@ function App() {
     <${Notices} />`;
 }
 
+const place = computed(() => `${route.value.page} ${route.value.id}`);
+effect(() => { if (place.value) scrollTo(0, 0); }); // another page begins at its top
 effect(() => { document.documentElement.dataset.theme = theme.value; });
 effect(() => {
   speak(spoken.value).then(() => {
@@ -55,7 +57,7 @@ effect(() => {
     words.failed = t("estop.failed");
   }, () => {});
 });
-const place = /** @type {HTMLElement} */ (document.getElementById("app"));
+const app = /** @type {HTMLElement} */ (document.getElementById("app"));
 await speak(spoken.peek()).catch(() => speak("en")).catch(() => {});
-place.replaceChildren();
-render(html`<${App} />`, place);
+app.replaceChildren();
+render(html`<${App} />`, app);

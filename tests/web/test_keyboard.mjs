@@ -8,6 +8,7 @@ globalThis.document = Object.assign(new EventTarget(), { hidden: false });
 globalThis.addEventListener = page.addEventListener.bind(page);
 globalThis.removeEventListener = page.removeEventListener.bind(page);
 const { armed, listen } = await import("./web/machine/keyboard.js");
+const { openDialogs } = await import("./web/parts/dialog.js");
 
 function press(type, key, more = {}) {
   const event = Object.assign(new Event(type, { cancelable: true }), { key, repeat: false, ctrlKey: false, altKey: false, metaKey: false, ...more });
@@ -70,4 +71,14 @@ test("a key with a modifier is the browser's, another key nobody's", story((said
   press("keydown", "ArrowUp", { ctrlKey: true });
   press("keydown", "x");
   assert.deepEqual(said, []);
+}));
+
+test("a dialog that opens disarms it, and what is held ends", story((said) => {
+  press("keydown", "ArrowRight");
+  openDialogs.value = 1;
+  assert.equal(armed.value, false);
+  press("keydown", "ArrowLeft");
+  openDialogs.value = 0;
+  press("keydown", "ArrowLeft");
+  assert.deepEqual(said, [{ x: 1 }, "up"]);
 }));

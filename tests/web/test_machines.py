@@ -65,6 +65,12 @@ def test_machines_are_told_apart_and_a_call_leads_to_its_own(shop: Daemon, scree
     one.status("idle")  # the mill does nothing
     call = one.named("call")
     expect(call).to_contain_text("lathe")
+    one.page.keyboard.press("Escape")
+    shop.post("/machines/mill/estop")
+    expect(call).to_contain_text("mill")  # what was put aside hides nothing that comes after it
+    expect(one.named("call-strip")).to_contain_text("lathe")
+    shop.post("/machines/mill/unlock")
+    one.named("call-strip").click()
     expect(one.named("call-confirm")).to_have_count(0)
     call.get_by_role("button", name="Show this machine").click()
     expect(one.page).to_have_url(re.compile("#/lathe/machine"))

@@ -133,6 +133,20 @@ def luminance(colour: str) -> float:
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
+def test_a_page_begins_at_its_top_and_a_mistyped_address_is_a_page_too(
+    mill: Daemon, screens: Callable[..., Screen]
+) -> None:
+    one = screens(mill.url, PHONE)
+    one.go("mill/machine")
+    one.page.mouse.wheel(0, 900)
+    one.page.wait_for_function("scrollY > 500")
+    one.page.locator(".tabs a", has_text="Programs").click()
+    one.page.wait_for_function("scrollY === 0")
+    one.go("mill/%zz/%")
+    one.page.reload()
+    one.status("idle")
+
+
 def test_opening_and_reloading_every_page_moves_nothing(person: Screen, mill: Daemon) -> None:
     before, told = mill.get("/machines/mill/state")["position"], said_to(mill)
     for place in PLACES:

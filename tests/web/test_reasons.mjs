@@ -15,6 +15,12 @@ test("nothing is possible without a daemon, and nothing for who only looks", () 
   }
 });
 
+test("who only looks may have a controller asked, when it can answer", () => {
+  assert.equal(whyNot("read", now({ role: "viewer" })), null);
+  assert.equal(whyNot("read", now({ role: "viewer", job: job("running") })), "reason.job");
+  assert.equal(whyNot("read", now({ role: "viewer", live: false })), "reason.no_daemon");
+});
+
 test("each state of the machine and the job has its own reason", () => {
   const cases = [
     ["jog", {}, null], ["jog", { machine: machine("run") }, null], ["jog", { machine: machine("alarm") }, "reason.alarm"],

@@ -10,11 +10,11 @@ import { Button } from "../parts/button.js";
 
 export function CardPage() {
   const [card, setCard] = useState(/** @type {{card: string | null, names: string[], problem: string | null} | null} */ (null));
-  const reason = against("sd");
+  const reason = against("sd"), unread = against("read");
   const path = `/machines/${encodeURIComponent(chosen.value ?? "")}/sd`;
   return html`<section class="panel card" aria-label=${t("card.title")}>
     <header><h2>${t("card.title")} <small>${card?.card ?? ""}</small></h2>
-      <${Button} name="read-card" icon="reset" label=${t("card.read")} reason=${reason}
+      <${Button} name="read-card" icon="reset" label=${t("card.read")} reason=${unread}
         onPress=${async () => setCard(await get(path, { withinMs: 30_000 }))} /></header>
     ${card === null && html`<p class="empty">${t("card.unread")}</p>`}
     ${card !== null && (card.problem || card.card === null) && html`<p class="problem">${card.problem ?? t("card.none")}</p>`}

@@ -16,9 +16,10 @@ import { Icon } from "../parts/icon.js";
 
 /** @typedef {{key: string, kind: "alarm" | "tool" | "message", machine: string, job: number | null, tool: number | null, text: string}} Call */
 
-/** @param {import("../types.js").World} now @returns {Call[]} */
+/** Alarms before all else. @param {import("../types.js").World} now @returns {Call[]} */
 export function callsIn(now) {
-  return now.order.flatMap((name) => /** @type {Call[]} */ (callsOf(now, name)));
+  const all = now.order.flatMap((name) => /** @type {Call[]} */ (callsOf(now, name)));
+  return [...all.filter(({ kind }) => kind === "alarm"), ...all.filter(({ kind }) => kind !== "alarm")];
 }
 
 /** @param {import("../types.js").World} now @param {string} name */
@@ -40,41 +41,41 @@ function callsOf(now, name) {
 }
 
 const calls = computed(() => (live.value ? callsIn(world.value) : []));
-/** Put aside on this screen. @type {import("../vendor/signals.js").Signal<string>} */
-const aside = signal("");
-const first = computed(() => calls.value[0] ?? null);
+const NONE = /** @type {string[]} */ ([]);
+/** The keys of those put aside on this screen. One that is put aside hides no other. */
+const aside = signal(NONE);
+const first = computed(() => calls.value.find((one) => !aside.value.includes(one.key)) ?? null);
 const firstKey = computed(() => first.value?.key ?? "");
 const kindOf = computed(() => first.value?.kind ?? null);
 
 // A call that is over was put aside for good; the next one is a new one, even if it says the same.
 effect(() => {
-  const there = calls.value.some((one) => one.key === aside.value);
-  if (live.value && !there) aside.value = "";
+  const there = aside.value.filter((key) => calls.value.some((one) => one.key === key));
+  if (live.value && there.length < aside.value.length) aside.value = there;
 });
 
 effect(() => {
   const kind = kindOf.value;
-  return kind && firstKey.value !== aside.value ? ring(kind) : undefined;
+  return kind && firstKey.value ? ring(kind) : undefined;
 });
 
 const ICONS = { alarm: "alarm", tool: "tool", message: "interrupted" };
 
+/** @param {Call} call */
+const titleOf = ({ kind, tool }) => (kind === "tool" ? t("call.tool", { tool: tool ?? "?" }) : t(`call.${kind}`));
+
 export function Calls() {
-  const now = first.value;
-  if (!now) return null;
-  const title = now.kind === "tool" ? t("call.tool", { tool: now.tool ?? "?" }) : t(`call.${now.kind}`);
-  if (aside.value === now.key) {
-    return html`<button type="button" class=${`call-strip c-${now.kind}`} data-name="call-strip"
-      onClick=${() => { aside.value = ""; }}>
-      <${Icon} name=${ICONS[now.kind]} /><b>${title}</b><span>${now.machine}</span></button>`;
-  }
-  return html`<${Dialog} key=${now.key} title=${title} kind=${`c-${now.kind}`} icon=${ICONS[now.kind]}
-    name="call" onClose=${() => { aside.value = now.key; }}>
-    <p class="call-machine">${now.machine}</p>
-    ${now.text && html`<p class="call-text">${now.text}</p>`}
-    <p>${t(`call.${now.kind}_text`)}</p>
-    <div class="row end"><${Answers} call=${now} /></div>
-  <//>`;
+  const now = first.value, put = calls.value.filter((one) => aside.value.includes(one.key));
+  return html`<div class="call-strips">${put.map((one) => html`<button key=${one.key} type="button" class=${`call-strip c-${one.kind}`}
+      data-name="call-strip" onClick=${() => { aside.value = aside.peek().filter((key) => key !== one.key); }}>
+      <${Icon} name=${ICONS[one.kind]} /><b>${titleOf(one)}</b><span>${one.machine}</span></button>`)}</div>
+    ${now && html`<${Dialog} key=${now.key} title=${titleOf(now)} kind=${`c-${now.kind}`} icon=${ICONS[now.kind]}
+      name="call" onClose=${() => { aside.value = [...aside.peek(), now.key]; }}>
+      <p class="call-machine">${now.machine}</p>
+      ${now.text && html`<p class="call-text">${now.text}</p>`}
+      <p>${t(`call.${now.kind}_text`)}</p>
+      <div class="row end"><${Answers} call=${now} /></div>
+    <//>`}`;
 }
 
 /** @param {{call: Call}} props */

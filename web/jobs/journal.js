@@ -1,42 +1,67 @@
 // The journal and the history of a job, page by page, and as files. The rule: as the daemon keeps it, nothing left out.
 
-import { html, useEffect, useState } from "../lib/ui.js";
+import { html, useEffect, useRef, useState } from "../lib/ui.js";
 import { number, t, time } from "../lib/i18n.js";
 import { csv } from "../lib/format.js";
 import { save } from "../lib/save.js";
 import { get } from "../net/http.js";
 import { attempt } from "../state/actions.js";
+import { MOVING } from "../state/reduce.js";
 import { live } from "../state/store.js";
 import { Button } from "../parts/button.js";
 
 const SHOWN = 200;
+const AGAIN_MS = 2000; // while the job is at work
 const PAGE = 10_000; // as many rows as the daemon answers at once
 const COLUMNS = {
   batches: ["seq", "wire_id", "line_from", "line_to", "blocks", "seconds", "status", "attempts", "inferred", "planned_at", "sent_at", "received_at", "ok_at"],
   events: ["id", "at", "machine", "job", "type", "data", "hash"],
 };
 
-/** All rows of a list that is answered in pages. @param {string} path @param {string} key @returns {Promise<any[]>} */
-async function all(path, key) {
-  const rows = [];
-  for (let after = 0; ; after = rows[rows.length - 1][key]) {
+/** All rows of a list that is answered in pages. @param {string} path @param {string} key @param {any[]} [known] that will not change */
+async function all(path, key, known = []) {
+  const rows = [...known];
+  for (let after = rows.at(-1)?.[key] ?? 0; ; after = rows[rows.length - 1][key]) {
     const page = await get(`${path}?after=${after}`, { withinMs: 60_000 });
     rows.push(...page);
     if (page.length < PAGE) return rows;
   }
 }
 
+/** The rows of a list, and what becomes of them while the job is at work. @param {string} path @param {"events" | "batches"} kind @param {string} status */
+function useRows(path, kind, status) {
+  const [rows, setRows] = useState(/** @type {any[] | null} */ (null));
+  const latest = useRef(/** @type {any[]} */ ([]));
+  useEffect(() => setRows(null), [path]);
+  useEffect(() => {
+    let timer = 0, wanted = live.value;
+    const key = kind === "events" ? "id" : "seq";
+    const take = (/** @type {any[]} */ found) => {
+      if (!wanted) return;
+      setRows(latest.current = found);
+      if (MOVING.has(status)) timer = setTimeout(again, AGAIN_MS);
+    };
+    const again = () => all(path, key, final(kind, latest.current)).then(take, () => take(latest.current));
+    if (wanted) attempt(() => all(path, key)).then((found) => { if (found) take(found); });
+    return () => {
+      wanted = false;
+      clearTimeout(timer);
+    };
+  }, [path, status, live.value]);
+  return rows;
+}
+
+/** The first rows, those that will not change: an event never does, a batch when it has its end. @param {string} kind @param {any[]} rows */
+function final(kind, rows) {
+  const open = kind === "events" ? -1 : rows.findIndex((one) => one.status === "planned");
+  return open < 0 ? rows : rows.slice(0, open);
+}
+
 /** @param {{job: import("../types.js").Job}} props */
 export function Journal({ job }) {
   const [kind, setKind] = useState(/** @type {"events" | "batches"} */ ("events"));
-  const [rows, setRows] = useState(/** @type {any[] | null} */ (null));
   const path = `/jobs/${job.id}/${kind}`;
-  useEffect(() => setRows(null), [path]);
-  useEffect(() => {
-    let wanted = true;
-    if (live.value) attempt(() => all(path, kind === "events" ? "id" : "seq")).then((found) => { if (wanted && found) setRows(found); });
-    return () => { wanted = false; };
-  }, [path, job.status, live.value]);
+  const rows = useRows(path, kind, job.status);
   const name = `job-${job.id}-${kind}`;
   return html`<section class="panel journal" aria-label=${t("journal.title")}>
     <header><div class="filters" role="radiogroup" aria-label=${t("journal.title")}>
@@ -73,7 +98,7 @@ function Batches({ rows }) {
     html`<th key=${one}>${t(`journal.${one}`)}</th>`)}</tr></thead>
     <tbody>${rows.slice(-SHOWN).reverse().map((one) => html`<tr key=${one.seq} class=${one.attempts > 1 ? "warn" : ""}>
       <td class="figure">${one.wire_id}</td><td class="figure">${one.line_from} – ${one.line_to}</td>
-      <td>${one.status}${one.inferred ? ` (${t("journal.inferred")})` : ""}</td>
+      <td>${t(`journal.status.${one.status}`)}${one.inferred ? ` (${t("journal.inferred")})` : ""}</td>
       <td>${time(one.sent_at)}</td><td>${time(one.received_at)}</td><td>${time(one.ok_at)}</td><td
-        class="figure">${one.attempts}</td></tr>`)}</tbody></table>`;
+        class="figure">${one.attempts || "–"}</td></tr>`)}</tbody></table>`;
 }

@@ -5,7 +5,7 @@ import { html, useEffect, useState } from "../lib/ui.js";
 import { t } from "../lib/i18n.js";
 import { coordinate } from "../lib/format.js";
 import { attempt, onJob } from "../state/actions.js";
-import { live, role, world } from "../state/store.js";
+import { live, operator, role, world } from "../state/store.js";
 import { whyNot } from "../state/reasons.js";
 import { Button } from "../parts/button.js";
 
@@ -20,10 +20,10 @@ export function Recover({ job }) {
   const [wish, setWish] = useState(/** @type {Wish} */ ({ line: 0, clearance: null, operator_done: false, force: false }));
   const machine = world.value.machines[job.machine];
   const stands = machine ? `${machine.link} ${machine.state.status} ${JSON.stringify(machine.state.position.machine)}` : "";
-  const operator = role.value !== "viewer";
+  const may = operator.value;
   const planned = machine?.protocol === "grbl"; // taken up by a plan, which can be asked for by line and clearance
   useEffect(() => {
-    if (!live.value || !operator) return undefined;
+    if (!live.value || !may) return undefined;
     const asked = planned && plan !== null ? { line: wish.line, ...(wish.clearance !== null && { clearance: wish.clearance }) } : undefined;
     const timer = setTimeout(async () => {
       const found = await attempt(() => onJob(job.id, "recover", asked));
@@ -37,7 +37,7 @@ export function Recover({ job }) {
   const change = (/** @type {Partial<Wish>} */ part) => setWish((before) => ({ ...before, ...part }));
   return html`<section class="panel recover" aria-label=${t("recover.title")} data-name="recover">
     <h2>${t("recover.title")}</h2>
-    ${plan === null ? html`<p class="empty">${t(operator ? "loading" : "reason.read_only")}</p>`
+    ${plan === null ? html`<p class="empty">${t(may ? "loading" : "reason.read_only")}</p>`
       : html`<${Plan} plan=${plan} /><${Choice} job=${job} plan=${plan} wish=${wish} change=${change}
         reason=${whyNot("confirm", now)} />`}
   </section>`;

@@ -10,10 +10,19 @@ export const PAGES = ["machine", "programs", "jobs", "plots", "console", "card",
 /** @param {string} hash @returns {Route} */
 export function parse(hash) {
   const [path, query = ""] = hash.replace(/^#\/?/, "").split("?");
-  const parts = path.split("/").filter(Boolean).map(decodeURIComponent);
+  const parts = path.split("/").filter(Boolean).map(decoded);
   const machine = parts[0] && parts[0] !== "-" ? parts[0] : null;
   const page = PAGES.includes(parts[1]) ? parts[1] : "machine";
   return { machine, page, id: parts[2] ?? null, query: new URLSearchParams(query) };
+}
+
+/** What was typed by hand may be no address at all. @param {string} part */
+function decoded(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
 }
 
 export const route = signal(parse(location.hash));

@@ -12,8 +12,8 @@ export function Figures() {
   const known = Object.entries(inputs);
   return html`<section class="panel figures" aria-label=${t("figures.title")}>
     <dl>
-      <div data-name="feed"><dt>${t("figures.feed")}</dt><dd>${feed === null ? "–" : number(feed)}<small>mm/min</small></dd></div>
-      <div data-name="spindle"><dt>${t("figures.spindle")}</dt><dd>${spindle === null ? "–" : number(spindle)}<small>rpm</small></dd></div>
+      <div data-name="feed"><dt>${t("figures.feed")}</dt><dd>${feed === null ? "–" : number(feed)}<small>${t("unit.mm_min")}</small></dd></div>
+      <div data-name="spindle"><dt>${t("figures.spindle")}</dt><dd>${spindle === null ? "–" : number(spindle)}<small>${t("unit.rpm")}</small></dd></div>
       <div data-name="tool"><dt>${t("figures.tool")}</dt><dd>${tool === null ? "–" : `T${tool}`}
         ${wanted !== null && wanted !== tool && html`<small>→ T${wanted}</small>`}</dd></div>
       <div><dt>${t("figures.distance")}</dt><dd class="text">${absolute === null ? "–" : t(absolute ? "figures.absolute" : "figures.relative")}</dd></div>

@@ -9,6 +9,7 @@ import { against, can, chosen, machine } from "../state/store.js";
 import { Button } from "../parts/button.js";
 import { Icon } from "../parts/icon.js";
 import { notify } from "../parts/notices.js";
+import { axesOf } from "./blocks.js";
 import { jogger } from "./jogger.js";
 import { armed, listen } from "./keyboard.js";
 
@@ -25,10 +26,16 @@ const PAD = [
   { way: { z: 1 }, icon: "up", name: "Z+", place: "zu" }, { way: { z: -1 }, icon: "down", name: "Z−", place: "zd" },
 ];
 
+/** A lathe has no Y. */
+const axes = () => {
+  const now = machine.value;
+  return now ? axesOf(now.protocol, Object.keys(now.state.position.work)) : [];
+};
+
 /** @param {Record<string, number>} way */
 function begin(way) {
-  const name = chosen.peek(), step = jogStep.peek(), feed = jogFeed.peek();
-  if (name === null || against("jog")) return;
+  const name = chosen.peek(), step = jogStep.peek(), feed = jogFeed.peek(), there = axes();
+  if (name === null || against("jog") || !Object.keys(way).every((axis) => there.includes(axis))) return;
   if (step === HELD) jogger.hold(name, way, feed, notify);
   else attempt(() => jog(Object.fromEntries(Object.entries(way).map(([axis, sign]) => [axis, sign * step])), feed));
 }
@@ -39,8 +46,8 @@ export function JogPanel() {
   useEffect(() => (armed.value ? listen({ down: begin, up: end }) : undefined), [armed.value]);
   useEffect(() => () => { armed.value = false; end(); }, []);
   useEffect(() => { if (reason) armed.value = false; }, [reason]);
-  const known = machine.value?.state.position.work ?? {};
-  const extra = Object.keys(known).filter((axis) => !"xyz".includes(axis));
+  const there = axes(), extra = there.filter((axis) => !"xyz".includes(axis));
+  const pad = PAD.filter(({ way }) => Object.keys(way).every((axis) => there.includes(axis)));
   return html`<section class="panel jog" aria-label=${t("jog.title")}>
     <header><h2>${t("jog.title")}</h2>
       <button type="button" class=${`button arm ${armed.value ? "armed" : ""}`} data-name="arm" aria-pressed=${armed.value}
@@ -48,7 +55,7 @@ export function JogPanel() {
         <${Icon} name="keyboard" /><span class="label">${t(armed.value ? "jog.armed" : "jog.arm")}</span></button>
     </header>
     <div class="pad" role="group" aria-label=${t("jog.title")}>
-      ${PAD.map((one) => html`<${PadButton} key=${one.place} ...${one} off=${Boolean(reason)} />`)}
+      ${pad.map((one) => html`<${PadButton} key=${one.place} ...${one} off=${Boolean(reason)} />`)}
       ${can("home") && html`<div class="pad-home"><${Button} name="home" icon="home" label=${t("jog.home")}
         reason=${against("home")} quiet
         onPress=${() => verb("home")} /></div>`}
@@ -98,6 +105,6 @@ function Feed() {
     <input id="jog-feed" type="number" inputmode="numeric" min=${MIN_FEED} max=${MAX_FEED} value=${jogFeed.value}
       onChange=${(/** @type {any} */ event) => set(event.target.valueAsNumber)} />
     <button type="button" class="button" aria-label=${`×2: ${t("jog.faster")}`} onClick=${() => set(jogFeed.value * 2)}>×2</button>
-    <span class="unit">mm/min</span>
+    <span class="unit">${t("unit.mm_min")}</span>
   </div>`;
 }

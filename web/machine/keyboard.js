@@ -1,8 +1,9 @@
 // Jogging by the keyboard: arrows for X and Y, page up and down for Z, only while it is armed.
 // The rule: nothing moves by a key unless somebody armed it here and now; leaving the page, the window or the keys alone
-// for a minute disarms it, and a key typed into a field is a letter.
+// for a minute disarms it, and so does a dialog that opens; a key typed into a field is a letter.
 
-import { signal } from "../lib/ui.js";
+import { effect, signal } from "../lib/ui.js";
+import { openDialogs } from "../parts/dialog.js";
 
 const IDLE_MS = 60_000;
 
@@ -44,11 +45,13 @@ export function listen(moves) {
     moves.up();
   }
   const hidden = () => document.hidden && disarm();
+  const unwatch = effect(() => { if (openDialogs.value > 0) disarm(); });
   addEventListener("keydown", down);
   addEventListener("keyup", up);
   addEventListener("blur", disarm);
   document.addEventListener("visibilitychange", hidden);
   return () => {
+    unwatch();
     clearTimeout(idle);
     if (held) moves.up();
     removeEventListener("keydown", down);

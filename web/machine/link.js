@@ -27,8 +27,8 @@ export function LinkPanel() {
       <div><dt>${t("link.state")}</dt><dd>${t(`link.${now.link}`)}</dd></div>
       <div><dt>${t("link.retries")}</dt><dd class=${retries ? "warn" : ""} data-name="retries">${number(retries)}</dd></div>
       <div><dt>${t("link.errors")}</dt><dd class=${total ? "warn" : ""} data-name="errors">${number(total)}</dd></div>
-      <div><dt>${t("link.age")}</dt><dd>${age === null ? "–" : age < 90 ? `${number(age)} s` : `${number(age / 60)} min`}</dd></div>
-      <div><dt>${t("link.round_trip")}</dt><dd>${live.value && daemon.roundTripMs !== null ? `${number(daemon.roundTripMs)} ms` : "–"}</dd></div>
+      <div><dt>${t("link.age")}</dt><dd>${age === null ? "–" : age < 90 ? `${number(age)} ${t("unit.s")}` : `${number(age / 60)} ${t("unit.min")}`}</dd></div>
+      <div><dt>${t("link.round_trip")}</dt><dd>${live.value && daemon.roundTripMs !== null ? `${number(daemon.roundTripMs)} ${t("unit.ms")}` : "–"}</dd></div>
     </dl>
     ${kinds.length > 0 && html`<p class="kinds">${kinds.map(([kind, count]) => html`<span
       key=${kind}>${kind}: ${number(count)}</span>`)}</p>`}

@@ -3,7 +3,7 @@
 
 import { html, useEffect } from "../lib/ui.js";
 import { t } from "../lib/i18n.js";
-import { can, chosen, watchLink } from "../state/store.js";
+import { can, chosen, job, watchLink } from "../state/store.js";
 import { JobPreview } from "../preview/panel.js";
 import { QueuePanel } from "../jobs/queue.js";
 import { Figures } from "./figures.js";
@@ -11,6 +11,7 @@ import { JogPanel } from "./jog.js";
 import { LinkPanel } from "./link.js";
 import { LogPanel } from "./log.js";
 import { Modes } from "./modes.js";
+import { NowLines } from "./nowlines.js";
 import { Overrides } from "./overrides.js";
 import { Position } from "./position.js";
 import { Service } from "./service.js";
@@ -21,15 +22,15 @@ export function MachinePage() {
   if (name === null) return html`<p class="empty">${t("machine.waiting")}</p>`;
   return html`<div class="grid machine-grid">
     <${Position} />
+    ${job.value && html`<div class="column job-panels"><${NowLines} /><${JobPreview} /></div>`}
     ${can("jog") && html`<${JogPanel} key=${name} />`}
-    <div class="column">
+    <div class="column side">
       <${Figures} />
       ${can("overrides") && html`<${Overrides} key=${name} />`}
       ${(can("coolant") || can("check_mode") || can("door")) && html`<${Modes} />`}
       <${Service} />
       <${LinkPanel} />
     </div>
-    <${JobPreview} />
     <${QueuePanel} />
     <${LogPanel} />
   </div>`;

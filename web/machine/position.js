@@ -28,7 +28,7 @@ export function Position() {
       <b>${axis.toUpperCase()}</b>
       <output class="work">${work[axis] === undefined ? "–" : coordinate(work[axis])}</output>
       <output class="absolute">${absolute[axis] === undefined ? "–" : coordinate(absolute[axis])}</output>
-      <span class="unit">${ROTARY.has(axis) ? "°" : "mm"}</span>
+      <span class="unit">${ROTARY.has(axis) ? "°" : t("unit.mm")}</span>
       ${blocks && html`<${Button} name=${`zero-${axis}`} label=${t("position.zero", { axis: axis.toUpperCase() })}
         reason=${reason} quiet
         title=${t("position.zero_title", { axis: axis.toUpperCase() })} onPress=${() => setAsking([axis])} />`}

@@ -1,12 +1,14 @@
 // A window over the page. Not <dialog>: that would lie over the e-stop and take its touch away.
 // The rule: the keyboard stays inside, Escape is the quiet way out, and the e-stop stays above.
 
-import { html, useLayoutEffect, useRef } from "../lib/ui.js";
+import { html, signal, useLayoutEffect, useRef } from "../lib/ui.js";
 import { t } from "../lib/i18n.js";
 import { Icon } from "./icon.js";
 
 /** The open ones, the topmost last: it alone hears the keys, wherever the focus is. @type {object[]} */
 const open = [];
+/** How many there are. */
+export const openDialogs = signal(0);
 const FOCUSABLE = ["button", "input", "select", "textarea"].map((one) => `${one}:not(:disabled)`).join() + ",a[href],[tabindex='0']";
 
 /**
@@ -20,10 +22,12 @@ export function Dialog({ title, kind = "", icon, name, wide = false, onClose, ch
     const before = document.activeElement, me = {};
     const key = (/** @type {KeyboardEvent} */ event) => { if (open.at(-1) === me) hear(event, box.current, close.current); };
     open.push(me);
+    openDialogs.value = open.length;
     document.addEventListener("keydown", key);
     box.current?.focus();
     return () => {
       open.splice(open.indexOf(me), 1);
+      openDialogs.value = open.length;
       document.removeEventListener("keydown", key);
       if (before instanceof HTMLElement) before.focus();
     };

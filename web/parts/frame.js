@@ -22,13 +22,16 @@ export function Header() {
 }
 
 function Machines() {
-  const { order, machines } = world.value;
+  const nav = useRef(/** @type {HTMLElement | null} */ (null));
+  const { order, machines } = world.value, now = chosen.value;
+  // Where there is no room for all of them, the one that is looked at is in sight.
+  useEffect(() => { nav.current?.querySelector("[aria-current]")?.scrollIntoView({ block: "nearest", inline: "nearest" }); }, [now, order.length]);
   if (order.length < 2) return null;
-  return html`<nav class="machines" aria-label=${t("machine.choose")}>
+  return html`<nav ref=${nav} class="machines" aria-label=${t("machine.choose")}>
     ${order.map((name) => {
       const status = shownStatus(machines[name], activeJob(world.value, name));
       return html`<a key=${name} href=${to(route.value.page, null, null, name)} class=${`chip s-${status}`}
-        aria-current=${name === chosen.value ? "true" : undefined}>
+        aria-current=${name === now ? "true" : undefined}>
         <${Icon} name=${status} size=${20} /><b>${name}</b><span>${t(`status.${status}`)}</span></a>`;
     })}
   </nav>`;

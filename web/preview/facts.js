@@ -11,7 +11,7 @@ export function Facts({ found, reach, coarse }) {
   const outside = reach ? beyond(found.bounds, reach) : [];
   return html`<div class="path-facts">
     <dl>${found.bounds.map((range, axis) => range && html`<div key=${axis} data-axis=${"xyz"[axis]}><dt>${"XYZ"[axis]}</dt>
-      <dd>${coordinate(range[0])} … ${coordinate(range[1])} <small>mm</small></dd></div>`)}
+      <dd>${coordinate(range[0])} … ${coordinate(range[1])} <small>${t("unit.mm")}</small></dd></div>`)}
       <div><dt>${t("preview.segments")}</dt><dd>${number(found.segments)}</dd></div></dl>
     ${reach && html`<p class=${outside.length ? "problem" : "hint"} data-name="reach">${outside.length
       ? t("preview.beyond", { axes: outside.map((axis) => axis.toUpperCase()).join(", ") }) : t("preview.within")}</p>`}

@@ -7,10 +7,10 @@ import { t } from "../lib/i18n.js";
 
 /**
  * @param {{
- *   tools: number[], heights: number[], wish: import("./path.js").Wish, onWish: (wish: import("./path.js").Wish) => void,
+ *   reach: boolean, tools: number[], heights: number[], wish: import("./path.js").Wish, onWish: (wish: import("./path.js").Wish) => void,
  * }} props
  */
-export function Filters({ tools, heights, wish, onWish }) {
+export function Filters({ reach, tools, heights, wish, onWish }) {
   const toggle = (/** @type {number} */ tool) => {
     const now = wish.tools ?? tools;
     const next = now.includes(tool) ? now.filter((one) => one !== tool) : [...now, tool];
@@ -20,6 +20,7 @@ export function Filters({ tools, heights, wish, onWish }) {
     <span class="inline"><i class="path-key"></i>${t("preview.cuts")}</span><span class="inline"><i class="path-key done"></i>${t("preview.done")}</span>
     <label class="inline"><input type="checkbox" checked=${wish.rapids} data-name="rapids"
       onChange=${() => onWish({ ...wish, rapids: !wish.rapids })} /> <i class="path-key rapid"></i>${t("preview.rapids")}</label>
+    ${reach && html`<span class="inline"><i class="path-key reach"></i>${t("preview.reach")}</span>`}
     ${tools.length > 1 && html`<span class="filters" role="group" aria-label=${t("preview.tools")}>${tools.map((tool) => html`
       <button key=${tool} type="button" class="button" aria-pressed=${(wish.tools ?? tools).includes(tool)} data-tool=${tool}
         onClick=${() => toggle(tool)}>${tool < 0 ? t("preview.no_tool") : `T${tool}`}</button>`)}</span>`}

@@ -37,7 +37,7 @@ export function View({ program, name }) {
     };
   }, []);
   const found = reader?.found.value ?? null, problem = reader?.problem.value ?? "", blind = reader?.blind.value ?? false;
-  const drawn = reader?.drawn.value;
+  const drawn = reader?.drawn.value, reach = found && reachNow(found, program);
   const press = (/** @type {string} */ label, /** @type {string} */ icon, /** @type {number} */ times) => html`
     <button type="button" class="button icon-only" aria-label=${label} onClick=${() => look.current?.zoom(times)}><${Icon} name=${icon} /></button>`;
   return html`<div>
@@ -52,9 +52,9 @@ export function View({ program, name }) {
         ${press(t("preview.closer"), "plus", ZOOM)}${press(t("preview.farther"), "minus", 1 / ZOOM)}
       </div>
       ${!found && html`<p class="empty">${t("preview.reading")}</p>`}</div>
-    ${found && reader && html`${!blind && html`<${Filters} tools=${found.tools} heights=${found.heights} wish=${wish}
+    ${found && reader && html`${!blind && html`<${Filters} reach=${reach !== null} tools=${found.tools} heights=${found.heights} wish=${wish}
         onWish=${(/** @type {import("./path.js").Wish} */ next) => { setWish(next); reader.tell("wish", { wish: next }); }} />`}
-      <${Facts} found=${found} reach=${reachNow(found, program)} coarse=${(drawn?.level ?? 0) > 0} />`}
+      <${Facts} found=${found} reach=${reach} coarse=${(drawn?.level ?? 0) > 0} />`}
   </div>`;
 }
 

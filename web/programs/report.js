@@ -17,8 +17,8 @@ export function Report({ report, onLine }) {
       <b>${t(`check.${verdict}`, { errors: report.errors.length, warnings: report.warnings.length })}</b></p>
     <dl class="facts">
       <div><dt>${t("check.time")}</dt><dd>${clock(report.seconds)}</dd></div>
-      <div><dt>${t("check.cut")}</dt><dd>${number(report.cut_mm)} mm</dd></div>
-      <div><dt>${t("check.rapid")}</dt><dd>${number(report.rapid_mm)} mm</dd></div>
+      <div><dt>${t("check.cut")}</dt><dd>${number(report.cut_mm)} ${t("unit.mm")}</dd></div>
+      <div><dt>${t("check.rapid")}</dt><dd>${number(report.rapid_mm)} ${t("unit.mm")}</dd></div>
       <div><dt>${t("check.tools")}</dt><dd>${report.tools.length ? report.tools.map((/** @type {number} */ tool) => `T${tool}`).join(" ") : "–"}</dd></div>
       <div><dt>${t("check.feeds")}</dt><dd>${range(report.feeds)}</dd></div>
       ${Object.entries(report.bounds).map(([axis, span]) => html`<div key=${axis}><dt>${axis.toUpperCase()}</dt>
@@ -33,7 +33,7 @@ export function Report({ report, onLine }) {
 function range(values) {
   if (values.length === 0) return "–";
   const least = Math.min(...values), most = Math.max(...values);
-  return `${least === most ? number(least) : `${number(least)} – ${number(most)}`} mm/min`;
+  return `${least === most ? number(least) : `${number(least)} – ${number(most)}`} ${t("unit.mm_min")}`;
 }
 
 /** @param {{list: import("../types.js").Finding[], kind: string, onLine?: (line: number) => void}} props */

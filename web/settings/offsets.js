@@ -23,6 +23,7 @@ export function OffsetsSection() {
   useEffect(() => {
     if (live.value && value) get(here("modal")).then((modal) => setActive(modal.groups.coordinate_system ?? ""), () => {});
   }, [value, live.value]);
+  const change = against("settings");
   const offsets = /** @type {Offsets | null} */ (value)?.offsets ?? {};
   const axes = ["x", "y", "z", "a", "b", "c"].filter((axis) => Object.values(offsets).some((one) => one[axis] !== undefined));
   return html`<section class="panel offsets" aria-label=${t("offsets.title")} data-name="offsets">
@@ -33,10 +34,10 @@ export function OffsetsSection() {
         <td><b>${name}</b> ${name === active && html`<span class="tag">${t("offsets.active")}</span>`}</td>
         ${axes.map((axis) => html`<td class="figure" data-axis=${axis}>${offsets[name][axis] === undefined ? "" : coordinate(offsets[name][axis])}</td>`)}
         <td class="end"><${Button} name=${`offset-${name}`} label=${t(CLEARED.has(name) ? "offsets.clear" : PLACES.has(name) ? "offsets.store" : "offsets.change")}
-          reason=${reason} quiet onPress=${() => setOpen(name)} /></td></tr>`)}</tbody></table></div>`}
+          reason=${change} quiet onPress=${() => setOpen(name)} /></td></tr>`)}</tbody></table></div>`}
     ${value?.probe && probed(value.probe) && html`<p class="hint">${t(value.probe.succeeded ? "offsets.probe" : "offsets.probe_failed")}
       ${Object.entries(value.probe.position).map(([axis, at]) => ` ${axis.toUpperCase()}${coordinate(/** @type {number} */ (at))}`)}</p>`}
-    ${reason && html`<p class="why-line">${t(reason)}</p>`}
+    ${change && html`<p class="why-line">${t(change)}</p>`}
     ${open !== null && html`<${Change} name=${open} axes=${axes} onClose=${() => setOpen(null)}
       onDone=${(/** @type {Offsets} */ next) => { setOpen(null); setValue(next); }} />`}
   </section>`;

@@ -18,7 +18,7 @@ export function SettingsPage() {
   const [results, setResults] = useState(/** @type {Record<number, string>} */ ({}));
   const [filter, setFilter] = useState("");
   const [saved, setSaved] = useState(0);
-  const reason = against("settings");
+  const reason = against("read");
   const path = `/machines/${encodeURIComponent(chosen.value ?? "")}/settings`;
   const read = async () => { setSettings((await get(path, { withinMs: WITHIN_MS })).settings); };
   useEffect(() => { if (!reason && settings === null) read().catch((error) => notify(error.message)); }, [reason, path]);

@@ -14,7 +14,7 @@ export const here = (what) => `/machines/${encodeURIComponent(chosen.value ?? ""
 /** @param {string} what an address under the machine */
 export function useRead(what) {
   const [value, setValue] = useState(/** @type {any} */ (null));
-  const reason = against("settings"), path = here(what);
+  const reason = against("read"), path = here(what);
   const read = async () => { setValue(await get(path, { withinMs: WITHIN_MS })); };
   useEffect(() => { if (!reason && value === null) read().catch((error) => notify(error.message)); }, [reason, path]);
   return { value, setValue, read, reason };

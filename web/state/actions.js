@@ -3,6 +3,7 @@
 
 import { ApiError, post, request } from "../net/http.js";
 import { daemon } from "../net/daemon.js";
+import { t } from "../lib/i18n.js";
 import { notify } from "../parts/notices.js";
 import { chosen, learnJob } from "./store.js";
 
@@ -16,10 +17,16 @@ export async function attempt(what) {
   try {
     return await what();
   } catch (error) {
-    notify(error instanceof Error ? error.message : String(error));
+    notify(said(error));
     if (error instanceof ApiError && error.code === "unauthorized") daemon.start();
     return undefined;
   }
+}
+
+/** @param {unknown} error */
+function said(error) {
+  if (error instanceof ApiError && error.code === "unreachable") return t("lost.request");
+  return error instanceof Error ? error.message : String(error);
 }
 
 const here = () => `/machines/${encodeURIComponent(chosen.value ?? "")}`;

@@ -75,9 +75,13 @@ const NEEDS = {
   settings: [connected, noAlarm, noJob, free, standing],
   change_settings: [admin, connected, noAlarm, noJob, free, standing],
   sd: [connected, noAlarm, noJob, free, standing],
+  read: [connected, noAlarm, noJob, free, standing],
   confirm: [connected, noAlarm],
   operate: [],
 };
+
+/** What only asks a controller for something may be done by whoever only looks, too. */
+const FOR_ALL = new Set(["read"]);
 
 /**
  * Why `action` cannot be done now, as a key of i18n; null when it can.
@@ -86,7 +90,7 @@ const NEEDS = {
  */
 export function whyNot(action, now) {
   if (!now.live) return "reason.no_daemon";
-  if (now.role === "viewer" || now.role === "public") return "reason.read_only";
+  if (!FOR_ALL.has(action) && (now.role === "viewer" || now.role === "public")) return "reason.read_only";
   for (const need of NEEDS[action]) {
     const reason = need(now);
     if (reason) return reason;

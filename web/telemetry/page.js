@@ -14,11 +14,11 @@ const DRAWN_EVERY_MS = 250;
 const WINDOWS_S = [60, 300, 900];
 /** @type {{name: string, unit: string, digits: number, columns: string[]}[]} */
 const PLOTS = [
-  { name: "feed", unit: "mm/min", digits: 0, columns: ["feed"] },
-  { name: "spindle", unit: "rpm", digits: 0, columns: ["spindle"] },
-  { name: "position", unit: "mm", digits: 3, columns: ["x", "y", "z", "a", "b", "c"] },
-  { name: "batch", unit: "s", digits: 2, columns: ["batch"] },
-  { name: "ack", unit: "ms", digits: 1, columns: ["ack"] },
+  { name: "feed", unit: "unit.mm_min", digits: 0, columns: ["feed"] },
+  { name: "spindle", unit: "unit.rpm", digits: 0, columns: ["spindle"] },
+  { name: "position", unit: "unit.mm", digits: 3, columns: ["x", "y", "z", "a", "b", "c"] },
+  { name: "batch", unit: "unit.s", digits: 2, columns: ["batch"] },
+  { name: "ack", unit: "unit.ms", digits: 1, columns: ["ack"] },
 ];
 
 export function PlotsPage() {
@@ -43,7 +43,7 @@ export function PlotsPage() {
     <div class="grid plots-grid">${shown.map(({ name, unit, digits, columns }) => {
       const rows = ring.rows(columns, from, Math.max(from, live.value ? now : Math.min(now, ring.last ?? now)));
       return html`<section key=${name} class=${`panel plot-${name}`} aria-label=${t(`plots.${name}`)}>
-        <header><h3>${t(`plots.${name}`)} <small>${unit}</small></h3>
+        <header><h3>${t(`plots.${name}`)} <small>${t(unit)}</small></h3>
           <p class="plot-values">${columns.map((column, place) => html`<span key=${column}><i class=${`plot-key k-${place + 1}`}></i>${columns.length > 1 ? `${column.toUpperCase()} ` : ""}
             <b>${valueOf(rows[place + 1], digits)}</b></span>`)}</p></header>
         <${Plot} name=${name} rows=${rows} from=${from} to=${now} /></section>`;
