@@ -272,11 +272,11 @@ async def paused(presses: int, *, readers: int = READERS, topics: str = DASHBOAR
             async with process("bench.grblreaders", url, str(readers), topics) as crowd:
                 assert crowd.stdout is not None
                 await crowd.stdout.readline()
-                pressed = [await pressed(daemon, random) for _ in range(presses)]
+                times = [await pressed(daemon, random) for _ in range(presses)]
             await daemon.cancel(job)
             await daemon.settled(job, "cancelled")
             held = (await mill.seen()).holds_at
-    return sorted(first_after(held, at) - at for at in pressed)
+    return sorted(first_after(held, at) - at for at in times)
 
 
 async def pressed(daemon: Daemon, random: Random) -> float:

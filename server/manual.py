@@ -133,7 +133,7 @@ class Manual:
         except (MessageTooLongError, UnicodeError) as error:
             # What somebody typed does not fit the wire; nothing was sent, and the next one may.
             _refuse(waiting.future, ProblemError("invalid_request", f"It cannot be sent: {error}."))
-            return False
+            return self.offer(engine, now)  # nobody asks again before something else happens
         self._sent[_token_of(waiting.command)] = _Sent(waiting.command, waiting.future)
         self.touched += not isinstance(waiting.command, QUESTIONS)
         return True

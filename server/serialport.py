@@ -119,7 +119,7 @@ class _Device:
         """A read that gave nothing: pyserial finds out whether something is wrong, and says it."""
         try:
             return bytes(self._device.read(READ_BYTES))
-        except OSError as error:
+        except (OSError, ValueError) as error:  # ValueError: it asks by select(), which knows a thousand files
             self._lose(error)
             return b""
 
@@ -138,7 +138,7 @@ class _Device:
             self._loop.call_soon(self._lose, error)  # whoever writes is in the middle of something
             return len(data)
 
-    def _lose(self, error: OSError) -> None:
+    def _lose(self, error: Exception) -> None:
         lost = self._on_lost
         self.close()
         if lost is not None:

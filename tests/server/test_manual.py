@@ -33,6 +33,27 @@ def test_commands_go_out_when_the_engine_is_free_in_order() -> None:
     run_simulated(main())
 
 
+def test_behind_one_that_does_not_fit_the_next_goes_at_once() -> None:
+    async def main() -> None:
+        manual, engine = Manual("router", asyncio.get_running_loop()), ScriptedEngine()
+        take = engine.submit
+
+        def submit(command: object, now: float) -> None:
+            if command == RunBlock(1, ("G1" + "X0" * 99,)):
+                raise MessageTooLongError("198 characters")
+            take(command, now)  # type: ignore[arg-type]
+
+        engine.submit = submit  # type: ignore[method-assign]
+        too_long = manual.put(lambda token: RunBlock(token, ("G1" + "X0" * 99,)))
+        manual.put(ClearAlarm)
+        assert manual.offer(engine, 0.0)  # type: ignore[arg-type]
+        assert engine.taken == [ClearAlarm(2)]
+        with pytest.raises(ProblemError, match="198 characters"):
+            await too_long
+
+    run_simulated(main())
+
+
 def test_an_answer_is_everything_up_to_the_end_of_the_command() -> None:
     async def main() -> None:
         manual, engine = Manual("router", asyncio.get_running_loop()), ScriptedEngine()

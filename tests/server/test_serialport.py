@@ -86,6 +86,22 @@ def test_a_device_that_goes_away_is_lost_once() -> None:
     asyncio.run(main())
 
 
+def test_a_device_is_lost_with_a_thousand_files_open_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    def out_of_range(*_: object) -> None:
+        raise ValueError("filedescriptor out of range in select()")
+
+    async def main() -> None:
+        ends = Ends()
+        with pseudo_terminal() as (_ours, name):
+            await PortOpener("elvinto")(name, 115200, ends.data.extend, ends.lost.append)
+            monkeypatch.setattr("serial.serialposix.select.select", out_of_range)
+        await ends.until(lambda: bool(ends.lost))
+        await asyncio.sleep(0.01)
+        assert len(ends.lost) == 1
+
+    asyncio.run(main())
+
+
 def test_what_a_device_does_not_take_at_once_waits_beside_the_loop_and_goes_out_in_order() -> None:
     async def main() -> None:
         with pseudo_terminal() as (ours, name):
