@@ -230,9 +230,12 @@ class Config(Section):
         return self
 
     @model_validator(mode="after")
-    def _webhooks_name_machines(self) -> Self:
+    def _webhooks_differ_and_name_machines(self) -> Self:
         known = [machine.name for machine in self.machine]
+        urls = [webhook.url for webhook in self.webhook]
         for index, webhook in enumerate(self.webhook):
+            if webhook.url in urls[:index]:
+                raise refused(f"webhook[{index}].url", webhook.url, "an address of its own: another has this one")
             for name in webhook.machines:
                 if name not in known:
                     raise refused(f"webhook[{index}].machines", name, " or ".join(known))

@@ -15,17 +15,22 @@ from typing import TYPE_CHECKING
 
 from server.clock import WallClock, stamp
 from server.config import Config
+from server.outbound import webhook
 from server.outbound.devicemodel import axes_of
 from server.outbound.errors import OutboundError, first_line, need
 from server.outbound.feed import Feed, standing
 from server.outbound.mtconnect import Adapter, fresh_devices
 from server.outbound.tasks import end
+from server.outbound.webhook import FileStore, Hook, HttpPost
 
 if TYPE_CHECKING:
     from server.app import Workshop
     from server.controller import Controller
 
 log = logging.getLogger(__name__)
+
+LINK_SEEN_HZ = 1.0
+"""Webhooks are told of links, not of states: one that breaks for less than a second may go unnoticed."""
 
 
 class Outbound:
@@ -35,6 +40,7 @@ class Outbound:
         self.config = config
         self._agents: socket.socket | None = None
         self._password: str | None = None
+        self._secrets: list[str | None] = []
         self._tls: ssl.SSLContext | None = None
 
     @classmethod
@@ -45,6 +51,10 @@ class Outbound:
             made._agents = _listener(config.mtconnect.host, config.mtconnect.port)
         try:
             made._prepare_mqtt()
+            made._secrets = [
+                hook.secret or first_line(f"webhook[{index}].secret_file", hook.secret_file)
+                for index, hook in enumerate(config.webhook)
+            ]
         except BaseException:
             made.close()
             raise
@@ -71,6 +81,8 @@ class Outbound:
             work.append(("MTConnect", self._mtconnect(workshop, self._agents)))
         if self.config.mqtt.enabled:
             work.append(("MQTT", self._mqtt(workshop)))
+        if self.config.webhook:
+            work.append(("The webhooks", self._webhooks(workshop)))
         return work
 
     def _feed(self, workshop: "Workshop", rate_hz: float) -> Feed:
@@ -104,6 +116,28 @@ class Outbound:
             counted=workshop.outbound.mqtt,
         )
         await bridge.run(self._feed(workshop, config.rate))
+
+    async def _webhooks(self, workshop: "Workshop") -> None:
+        folder = self.config.server.data_dir / "webhooks"
+        # The client would log each address at the level of what is worth knowing, and an address may be a secret.
+        logging.getLogger("httpx").setLevel(logging.WARNING)
+        posts = [HttpPost(config.url, config.timeout) for config in self.config.webhook]
+        hooks = [
+            Hook(
+                config,
+                secret=secret,
+                post=post,
+                store=FileStore(folder, config.url),
+                clock=WallClock(),
+                counted=workshop.outbound.webhook,
+            )
+            for config, secret, post in zip(self.config.webhook, self._secrets, posts, strict=True)
+        ]
+        try:
+            await webhook.run(hooks, self._feed(workshop, LINK_SEEN_HZ))
+        finally:
+            for post in posts:
+                await post.close()
 
     async def _mtconnect(self, workshop: "Workshop", listener: socket.socket) -> None:
         config = self.config.mtconnect

@@ -1,8 +1,14 @@
 """docs/telemetry.md against the code: every item that an agent is told, every word of EXECUTION."""
 
+import textwrap
+import time
+from typing import Any
+
 from server.outbound.feed import Notice
 from server.outbound.mqtttopics import COMMANDS, Topics, job_payload
 from server.outbound.shdr import _EXECUTION_BY_JOB, _EXECUTION_BY_STATE, Condition, Device
+from server.outbound.webhookevents import Happened, body_of, headers_of
+from server.telemetryconfig import EVENTS
 from tests.harness.docs import page, rows
 
 
@@ -27,3 +33,22 @@ def test_every_topic_and_every_field_of_a_job() -> None:
     assert set(table) == {topics.availability, *(topics.of("<machine>", leaf) for leaf in leaves)}
     assert table[topics.of("<machine>", "job")].split(", ") == list(job_payload(Notice("job", "m", "t")))
     assert all(word in table[topics.of("<machine>", "command")] for word in COMMANDS)
+
+
+def test_every_event_and_every_header_of_a_webhook() -> None:
+    told = [event for row in rows(page("telemetry.md"), "event", "when", "data") for event in row[0].split(", ")]
+    assert told == list(EVENTS)
+    documented = {line.split("`")[1] for line in page("telemetry.md").splitlines() if line.startswith("| `X-")}
+    sent = headers_of("id", "{}", timestamp_s=0, secret="key")
+    assert documented == {name for name in sent if name.startswith("X-")}
+
+
+def test_the_example_of_a_receiver_believes_us_and_nobody_else() -> None:
+    lines = page("telemetry.md").split("    import hashlib")[1].split("\n\n**")[0]
+    example: dict[str, Any] = {}
+    exec(textwrap.dedent("    import hashlib" + lines), example)
+    body = body_of("id", Happened("job.failed", "router", "t", {}))
+    now_s = int(time.time())
+    for offset_s, key, wanted in ((0, "key", True), (0, "other", False), (-400, "key", False)):
+        headers = headers_of("id", body, timestamp_s=now_s + offset_s, secret=key)
+        assert example["is_genuine"](headers, body.encode(), b"key") is wanted

@@ -42,6 +42,8 @@ def test_an_event_and_a_machine_that_do_not_exist(tmp_path: Path) -> None:
     assert fault.startswith("FILE: webhook[0].events = ['job.done']: allowed is a list of job.queued, ")
     (fault,) = faults(tmp_path, '[[webhook]]\nurl = "http://h/"\nmachines = ["lathe"]\n')
     assert fault == 'FILE: webhook[0].machines = "lathe": allowed is router'
+    (fault,) = faults(tmp_path, '[[webhook]]\nurl = "http://h/"\n' * 2)
+    assert fault.startswith('FILE: webhook[1].url = "http://h/": allowed is an address of its own')
 
 
 @pytest.mark.parametrize("prefix", ["", "a/", "/a", "a//b", "a/+", "#", "a\nb"])
