@@ -7,8 +7,9 @@ before it began (elvinto §5.4).
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import chain, islice
 from math import isnan
+from operator import attrgetter
 from typing import Protocol, Self
 
 from gcode.held import Held, state_of
@@ -20,6 +21,9 @@ from jobs.toolblocks import ToolBlocks
 from jobs.upcoming import LINES_AT_ONCE, BlockReader, PlanError, Rules, Upcoming
 from protocol.commands import Position
 from protocol.errors import LocalError
+
+_COLUMNS = attrgetter("line", "text", "seconds", "moves", "part", "io", "reach_mm")
+"""Of a block, what a batch has of each of its blocks."""
 
 Place = tuple[float, ...]
 """Program coordinates in the order of the state's axes, NaN where one is not known."""
@@ -234,42 +238,45 @@ class BatchPlanner:
         """What was planned last is not sent: what comes behind it says anew what it needs."""
         self._reader.forget()
 
-    def next(self, most_lines: int | None = None) -> PlannedBatch | None:
+    def next(self, *, aside: bool = False) -> PlannedBatch | None:
         """The next batch; None at the end of the program.
 
-        Whoever must not wait gives `most_lines`: after reading so many None comes too, and `reading` is True.
+        `aside`: whoever asks must not wait. Where lines have to be read first None comes too, and `reading` is True
+        until somebody has called `read`.
         Raises PlanError for a line that cannot be sent and OSError when the program cannot be read; from then on
         always, so that nothing behind the gap ever goes out.
         """
+        if aside and self.reading:
+            return None
+        while self._broken is None and not self._full:
+            self.reading = True
+            if aside:
+                return None
+            self.read()
         if self._broken is not None:
             raise self._broken
-        try:
-            self.reading = not self._fill(most_lines)
-        except (PlanError, OSError) as error:
-            self._broken = error
-            raise
-        if self.reading or not self._ahead:
-            return None
-        return self._emit(self._choose())
+        return self._emit(self._choose()) if self._ahead else None
 
     # --- reading ------------------------------------------------------------------------------------------------
 
-    def _fill(self, most_lines: int | None) -> bool:
-        """Reads until a bound is passed, a barrier stands there, or the program ends; False: there is more to read."""
-        ahead, reader = self._ahead, self._reader
-        left = LINES_AT_ONCE if most_lines is None else most_lines
-        while True:
-            self._fitting = _fitting(ahead, self._limits)
-            if self._fitting < len(ahead) or (ahead and ahead[-1].barrier) or reader.ended:
-                return True
-            if left <= 0:
-                return False
+    def read(self) -> None:
+        """Some lines, for `next`; in any thread: `next(aside=True)` touches nothing while `reading` is True."""
+        try:
             if self._before is None:
-                self._before = reader.place
-            found, lines = reader.more(left)
-            ahead += found
-            if most_lines is not None:
-                left -= lines
+                self._before = self._reader.place
+            found, _ = self._reader.more(LINES_AT_ONCE)
+            self._ahead += found
+        except (PlanError, OSError) as error:
+            self._broken = error
+        finally:
+            self.reading = False
+
+    @property
+    def _full(self) -> bool:
+        """A bound is passed, a barrier stands there, or the program ends; else there is more to read."""
+        ahead = self._ahead
+        self._fitting = _fitting(ahead, self._limits)
+        return self._fitting < len(ahead) or bool(ahead and ahead[-1].barrier) or self._reader.ended
 
     # --- choosing where to end ----------------------------------------------------------------------------------
 
@@ -320,28 +327,29 @@ class BatchPlanner:
         start, barrier = self._before, first.barrier
         assert start is not None
         self._previous_start, self._before = start, last.end
-        lines = [item.line for item in items]
+        lines, texts, seconds, moves, parts, io, reaches_mm = zip(*map(_COLUMNS, items), strict=True)
+        in_row = lines == tuple(range(first.line, first.line + len(lines) + len(first.behind)))
         if first.behind:
-            lines += [first.line] * len(first.behind)
+            lines += (first.line,) * len(first.behind)
         return PlannedBatch(
             first_line=first.line,
             last_line=last.line,
-            blocks=(*[item.text for item in items], *first.behind),
-            seconds=sum([item.seconds for item in items]),
+            blocks=(*texts, *first.behind),
+            seconds=sum(seconds),
             start=self._position(start),
             end=self._position(last.end),
             barrier=barrier is not None,
             locate_after=barrier is not None and barrier.locate,
             ends_program=barrier is not None and barrier.ends_program,
             tool=first.tool,
-            motion=any(item.moves for item in items),
+            motion=any(moves),
             tool_change=barrier is not None and barrier.tool_change,
-            lines=() if lines == list(range(first.line, first.line + len(lines))) else tuple(lines),
-            parts=tuple([item.part for item in items]) if any(item.part for item in items) else (),
+            lines=() if in_row else lines,
+            parts=parts if any(parts) else (),
             pauses=barrier is not None and barrier.pauses,
-            io=tuple([word for item in items for word in item.io]) if any(item.io for item in items) else (),
+            io=tuple(chain.from_iterable(io)),
             set_tool=None if barrier is None else barrier.set_tool,
-            reach_mm=(*[item.reach_mm for item in items], *[0.0] * len(first.behind)),
+            reach_mm=(*reaches_mm, *[0.0] * len(first.behind)),
         )
 
     def _position(self, place: Place) -> Position:

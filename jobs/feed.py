@@ -12,7 +12,6 @@ from jobs.batch import PlannedBatch
 from jobs.effects import Entry
 from jobs.job import Status
 from jobs.outcome import Outcome
-from jobs.upcoming import LINES_AT_ONCE
 from protocol.commands import Position
 from protocol.errors import LocalError
 
@@ -21,10 +20,15 @@ class BatchSource(Protocol):
     """Where batches come from: jobs.batch.BatchPlanner."""
 
     reading: bool
-    """The last `next` has answered None because it had read enough, not because the program is at its end."""
+    """The last `next` has answered None because lines have to be read, not because the program is at its end."""
 
-    def next(self, most_lines: int | None = None) -> PlannedBatch | None:
-        """The next batch, None at the end. Raises LocalError for a line that cannot be sent, OSError for the file."""
+    def next(self, *, aside: bool = False) -> PlannedBatch | None:
+        """The next batch, None at the end. Raises LocalError for a line that cannot be sent, OSError for the file.
+        `aside`: nothing is read here."""
+
+    def read(self) -> None:
+        """Some lines, where `reading` says so: milliseconds, and longer where the disk is slow. Nothing else of the
+        source is used meanwhile."""
 
     def relocate(self, position: Position) -> None:
         """The true position after a batch whose effect could not be computed."""
@@ -61,7 +65,7 @@ class Feed:
 
     @property
     def reading(self) -> bool:
-        """There is no batch ahead yet because the reading of it goes on: plan again, but let others have their turn."""
+        """There is no batch ahead because its lines have to be read: that is for somebody who has the time."""
         return self.ahead is None and self.end is None and self.source is not None and self.source.reading
 
     def relocate(self, position: Position) -> None:
@@ -110,7 +114,7 @@ class Feed:
         if self.end is not None or self.source is None:
             return None
         try:
-            batch = self.source.next(LINES_AT_ONCE)
+            batch = self.source.next(aside=True)
         except LocalError as error:
             self.end = Outcome(Status.FAILED, "not_plannable", str(error))
             return None

@@ -130,14 +130,15 @@ class Pace:
             return None
         log_factor, spread = self._likely()
         factor = exp(log_factor)
-        rest = timeline.between(reach.done, reach.last)
-        rest_s = rest.seconds(self._overrides) * factor
+        sent = min(reach.sent, reach.last)
+        in_flight_s = timeline.between(reach.done, sent).seconds(self._overrides) * factor
+        unsent = timeline.between(sent, reach.last)
+        rest_s = in_flight_s + unsent.seconds(self._overrides) * factor
         if self._began is not None:
             # What is in flight is being executed; it is not over before it is marked.
-            in_flight = timeline.between(reach.done, min(reach.sent, reach.last)).seconds(self._overrides) * factor
-            rest_s -= min(max(now - self._at, 0.0), in_flight)
+            rest_s -= min(max(now - self._at, 0.0), in_flight_s)
         # Never faster than the link carries what has not been handed over yet.
-        link_s = timeline.between(reach.sent, reach.last).link_s
+        link_s = unsent.link_s
         least, seconds, most = (max(rest_s * exp(side * RANGE * spread), link_s, 0.0) for side in (-1, 0, 1))
         return Left(seconds, least, most) if isfinite(most) else None
 

@@ -253,7 +253,7 @@ class Runner(ToolSide):
 
     @property
     def reading(self) -> bool:
-        """It wants to go on, and the next batch is not read to its end yet: call `advance` again soon."""
+        """It wants to go on, and the lines of the next batch are not read: `feed.source.read()`, then `advance`."""
         return self._link.up and self._goes_on and not self._behind_barrier and self.feed.reading
 
     @property

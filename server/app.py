@@ -174,6 +174,7 @@ class Workshop:
             engine=engine_factory(config),
             highest_id=await self.db.run(journal.highest_id, config.name),
             kept=await self.db.run(toolstore.load, config.name),
+            reader=self._worker("reading"),
         )
 
 

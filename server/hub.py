@@ -119,6 +119,14 @@ class Hub:
             reader.offer(message)
         return self._seq
 
+    def unwanted(self, machine: str | None, lines: int) -> bool:
+        """Whether nobody reads the console of this machine: so many lines of it are announced with that, then."""
+        if self._subscriptions and self._readers_of(CONSOLE, machine):
+            return False
+        self._seq += lines
+        self.published[CONSOLE] += lines
+        return True
+
     def _gather(self, machine: str | None, line: bytes) -> None:
         lines = self._gathered.setdefault(machine, [])
         lines.append(line)

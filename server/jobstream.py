@@ -29,7 +29,9 @@ from server.clock import Clock, seconds_since, stamp
 from server.dbthread import Db
 from server.hub import Hub
 from server.metrics import MachineMetrics
+from server.turns import Turns
 from server.views import job_view
+from server.worker import Worker
 
 PROGRESS_EVERY_S = 0.25
 """Progress is announced at most this often; changes of status always."""
@@ -53,6 +55,7 @@ class JobStream:
         loop: asyncio.AbstractEventLoop,
         metrics: MachineMetrics,
         frames: Callable[[], dict[str, Any]],
+        reader: Worker,
     ) -> None:
         self.machine = machine
         self.runner: Runner | None = None
@@ -76,7 +79,8 @@ class JobStream:
         self._busy = False
         self._pump: Callable[[], None] = lambda: None
         self._flush: Callable[[], None] = lambda: None
-        self._reading: asyncio.Handle | None = None
+        self._turns = Turns(loop, reader, lambda: self.react([]))
+        self._announcing: asyncio.Handle | None = None
         self._overdue: asyncio.TimerHandle | None = None
         self._progress_at = 0.0
         self._alive_at = 0.0
@@ -146,40 +150,39 @@ class JobStream:
         if self._busy:
             return False
         self._busy = True
-        submitted = False
+        moved = submitted = False
         try:
             while self._todo or self._advance():
                 effect = self._todo.popleft()
-                submitted |= isinstance(effect, Submit)
+                moved, submitted = True, submitted or isinstance(effect, Submit)
                 self._perform(effect)
         finally:
             self._busy = False
         self._write()
         self._arm()
-        if self.runner is not None and self.runner.reading and self._reading is None:
-            self._reading = self._loop.call_soon(self._read_on)
+        if self.runner is not None:
+            self._turns.read_for(self.runner)
         if self.runner is not None and self.runner.over:
             self.runner = self.row = None
-        self._pump()
+        if moved:
+            self._pump()
         return submitted
 
     def offer(self) -> bool:
         """Whatever the runner can do now that all that was heard is handed over; True when something was submitted.
         Asked after every input, and mostly the next batch is written down and waits for room: then nothing is to do."""
         runner, engine = self.runner, self._engine
-        if not self._todo and runner is not None and engine is not None and runner.waits(engine.next_id, engine.free()):
+        if self._todo or runner is None or engine is None:
+            return self.react([])
+        if self._turns.pending or runner.waits(engine.next_id, engine.free()):
             return False
         return self.react([])
 
-    def _read_on(self) -> None:
-        """A long stretch without a block is read piece by piece; in between the loop does what else there is."""
-        self._reading = None
-        self.react([])
-
     def _advance(self) -> bool:
-        if self.runner is None or self._engine is None:
+        runner, engine = self.runner, self._engine
+        if runner is None or engine is None or not self._turns.admits(runner, engine.next_id, engine.free()):
             return False
-        self._todo.extend(self.runner.advance(self._engine.next_id, free=self._engine.free() > 0))
+        self._todo.extend(runner.advance(engine.next_id, free=engine.free() > 0))
         return bool(self._todo)
 
     # --- the link ---------------------------------------------------------------------------------------------
@@ -304,8 +307,8 @@ class JobStream:
             self._metrics.blocks += len(mark.entry.batch.blocks)
             self._metrics.inferred += mark.inferred
             self._pace.mark(self._loop.time(), mark.line_done)
-        if self._loop.time() - self._progress_at >= PROGRESS_EVERY_S:
-            self.announce()
+        if self._announcing is None and self._loop.time() - self._progress_at >= PROGRESS_EVERY_S:
+            self._announcing = self._loop.call_soon(self.announce)
 
     def _set_status(self, runner: Runner, effect: SetStatus) -> None:
         at = stamp(self._clock)
@@ -357,6 +360,7 @@ class JobStream:
 
     def announce(self) -> None:
         """Tell everybody how the job stands."""
+        self._announcing = None
         view = self.view()
         if view is not None:
             self._progress_at = self._loop.time()

@@ -6,7 +6,7 @@ Not the wire (protocol), not the job's logic (jobs/runner.py), not HTTP. The one
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 from gcode.profile import load_profile
@@ -53,6 +53,7 @@ from server.timing import AckTimer
 from server.toolchanger import ToolChanger
 from server.verbs import VERBS, extras_of
 from server.views import alarm_view, said, state_view
+from server.worker import Worker
 
 log = logging.getLogger(__name__)
 
@@ -84,6 +85,7 @@ class Machine:
         engine: EngineFactory,
         highest_id: int = 0,
         kept: KeptTools = KeptTools(),  # noqa: B008 - frozen
+        reader: Worker,
     ) -> None:
         self.config = config
         self.verbs = VERBS[config.protocol]
@@ -128,6 +130,7 @@ class Machine:
             loop=self._loop,
             metrics=self.metrics,
             frames=self._frames,
+            reader=reader,
         )
         self.tools = ToolChanger(
             self.name, config.toolchanger, kept=kept, job=self.stream, db=db, hub=hub, clock=clock, loop=self._loop
@@ -372,13 +375,15 @@ class Machine:
             "state", self.name, lambda: {**self.state_view(), "link": self.link_status, **self._acks.view()}
         )
 
-    def _seen(self, messages: Iterable[tuple[str, str]]) -> None:
-        now, heard, recorder = self._loop.time(), False, self._recorder
-        for direction, text in messages:
-            heard = heard or direction == "<"
-            recorder.record(direction, text, now)
-            self._hub.publish("console", self.name, recorder.newest)
-        if heard:
+    def _seen(self, messages: Sequence[tuple[str, str]]) -> None:
+        now, recorder = self._loop.time(), self._recorder
+        if self._hub.unwanted(self.name, len(messages)):
+            recorder.record(messages, now)
+        else:
+            for message in messages:
+                recorder.record((message,), now)
+                self._hub.publish("console", self.name, recorder.newest)
+        if messages[0][0] == "<" or any(direction == "<" for direction, _ in messages):
             self._last_life_at = now
             self.stream.heard(now)
 

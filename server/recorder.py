@@ -27,9 +27,9 @@ class Recorder:
         self._time = time
         self._messages: deque[tuple[float, str, str]] = deque(maxlen=CONSOLE_MESSAGES)
 
-    def record(self, direction: str, text: str, now: float) -> None:
-        """Keep a message (protocol.events.MessageSeen)."""
-        self._messages.append((now, direction, text[:MESSAGE_CHARS]))
+    def record(self, messages: Iterable[tuple[str, str]], now: float) -> None:
+        """Keep messages (protocol.events.MessagesSeen)."""
+        self._messages += [(now, direction, text[:MESSAGE_CHARS]) for direction, text in messages]
 
     def newest(self) -> dict[str, Any]:
         """The last message. Raises IndexError before there is one."""

@@ -6,6 +6,7 @@ verified. The one rule: a line that could press a real-time key, or be two lines
 
 import re
 from collections.abc import Sequence
+from itertools import repeat
 from typing import Final, NamedTuple
 
 from protocol.errors import LocalError, MessageTooLongError
@@ -15,7 +16,6 @@ _NUMBER: Final = r"[-+]?+(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)"
 WORD: Final = re.compile(rf"([A-Z])({_NUMBER})")
 _PROGRAM: Final = re.compile(rf"/?(?:[A-Z]{_NUMBER})+")
 
-# What nearly all lines of a program are: a motion and where it goes. These are read by the quickest way there is.
 # What nearly all lines of a program are: a motion and where it goes. These are told by the quickest way there is.
 _MOVE: Final = r"(?:G0?[0-3](?=[FXYZIJKR])|(?=[XYZIJKR]))[-+.0-9XYZFIJKR]++"
 _MOVES: Final = re.compile(rf"{_MOVE}(?:\n{_MOVE})*+")
@@ -60,6 +60,8 @@ class Line(NamedTuple):
 
 _MAKE: Final = tuple.__new__
 """Makes a Line without the function that a NamedTuple has for it: there is one for every line."""
+_OF_A_MOVE: Final = (repeat(True), repeat(False), repeat(False), repeat(False), repeat(0.0), repeat(None))
+"""All of a Line but its text and its bytes."""
 
 
 def words_of(text: str) -> Words | None:
@@ -78,13 +80,8 @@ def read_lines(texts: Sequence[str], line_chars: int) -> tuple[Line, ...]:
         or together.count("\n") >= len(texts)  # one of them is two
     ):
         return tuple([read_line(text, line_chars) for text in texts])
-    rows = together.encode("ascii").split(b"\n")
-    return tuple(
-        [
-            _MAKE(Line, (text, row + b"\n", True, False, False, False, 0.0, None))
-            for text, row in zip(texts, rows, strict=True)
-        ]
-    )
+    rows = f"{together}\n".encode("ascii").splitlines(keepends=True)
+    return tuple(map(_MAKE, repeat(Line), zip(texts, rows, *_OF_A_MOVE, strict=False)))
 
 
 def read_line(text: str, line_chars: int) -> Line:

@@ -49,9 +49,10 @@ WEBSOCKET_MAX_BYTES = 64 * 1024
 UNREAD_S = 30
 """A peer that takes nothing of what waits for it for so long is gone: closing alone would wait for it for ever, and
 with MAX_CONNECTIONS of its kind nobody could reach the e-stop."""
-TURN_S = 0.001
-"""A worker that computes (a check, an estimate) lets the loop have its turn after this at the latest. Python's own 5 ms
-would hold up each step of the stream, of which a batch has several, and the stop."""
+TURN_S = 0.0002
+"""A thread that computes (the lines of the next batches, a check, the journal) lets the loop have its turn after this
+at the latest, up to three times for a line: the loop gives its turn away when it waits, reads and writes. Python's own
+5 ms would hold up each step of the stream, and the stop."""
 WEBSOCKET_PING_S = 20.0
 """A reader that vanished without a word is noticed within two of these."""
 

@@ -42,13 +42,16 @@ class ListSource:
         self.reading = False
         self.forgotten = 0
 
-    def next(self, most_lines: int | None = None) -> PlannedBatch | None:
+    def next(self, *, aside: bool = False) -> PlannedBatch | None:
         if not self._items:
             return None
         item = self._items.popleft()
         if isinstance(item, Exception):
             raise item
         return item
+
+    def read(self) -> None:
+        self.reading = False
 
     def forget(self) -> None:
         self.forgotten += 1

@@ -18,7 +18,7 @@ from gcode.planner import plan as seconds_of
 from gcode.segments import DWELL, HOMING, Segments
 from gcode.words import Block, decode_line, parse_block
 from jobs.batch import BatchLimits, BatchPlanner, PlannedBatch
-from jobs.upcoming import LINES_AT_ONCE, PlanError
+from jobs.upcoming import PlanError
 from protocol.errors import LocalError
 from tests.harness.effort import more
 from tests.harness.programs import FITTING_FILES, corpus_files, elvinto, numbered, positions, program_lines, thorough
@@ -370,11 +370,13 @@ def test_a_long_stretch_without_a_block_is_read_piece_by_piece() -> None:
     lines = [(n, b"(a page of comments)") for n in range(1, 1601)] + [(1601, b"G1X1F100"), (1602, b"(the end)")]
     reader = BatchPlanner(lines, elvinto(), Motion(), BatchLimits(), position={"x": 0.0})
     pieces = []
-    while (batch := reader.next(LINES_AT_ONCE)) is None:
+    while (batch := reader.next(aside=True)) is None:
+        assert reader.next(aside=True) is None, "nothing is read before somebody has the time"
         pieces.append(reader.reading)
-    assert pieces == [True, True]
+        reader.read()
+    assert pieces == [True] * 3, "two pieces, and that nothing comes behind them"
     assert (batch.first_line, batch.blocks) == (1601, ("G1X1F100",))
-    assert reader.next(LINES_AT_ONCE) is None
+    assert reader.next() is None
 
 
 def test_a_program_begins_in_the_modes_that_the_controller_says() -> None:

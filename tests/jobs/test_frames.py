@@ -139,8 +139,11 @@ def test_an_error_in_what_is_behind_is_told_when_blocks_are_asked_for() -> None:
 def planned(behind: Behind = Behind(), limits: BatchLimits = LIMITS) -> list[PlannedBatch]:  # noqa: B008
     planner = BatchPlanner.over(blocks(behind=behind), limits)
     found: list[PlannedBatch] = []
-    while (batch := planner.next(3)) is not None or planner.reading:
-        found += [] if batch is None else [batch]
+    while (batch := planner.next(aside=True)) is not None or planner.reading:
+        if batch is None:
+            planner.read()
+        else:
+            found.append(batch)
     return found
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from jobs.feed import BatchSource
 from server.problems import ProblemError
 from sim.elvinto.gcode import ERR_UNKNOWN_CODE, BlockError
 from sim.elvinto.settings import SimSettings
@@ -53,9 +54,14 @@ def test_a_thousand_pages_of_comments_do_not_keep_the_loop(tmp_path: Path) -> No
         shop = await bench.connected()
         comments = "(a page)\n" * 20_000
         job = await bench.job("G90\nG1 X1 F3000\nM5\n" + comments + "G1 X2\nM30\n")
-        stream, pieces = shop.machines[MACHINE].stream, []
-        read_on = stream._read_on
-        stream._read_on = lambda: (pieces.append(True), read_on())  # type: ignore[method-assign]
+        turns, pieces = shop.machines[MACHINE].stream._turns, []
+        read = turns._read
+
+        def counted(source: BatchSource) -> Any:
+            pieces.append(True)
+            return read(source)
+
+        turns._read = counted  # type: ignore[method-assign]
         view = await bench.status(job["id"], "completed")
         assert len(pieces) >= 10
         assert view["progress"]["line"] == 20_005

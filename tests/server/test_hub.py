@@ -274,3 +274,15 @@ def test_a_message_that_no_reader_wants_is_not_made() -> None:
     h.subscribe(Filter(topics=frozenset({"console"}), machines=frozenset({"mill"})))
     h.publish("console", "mill", data)
     assert data.times == 1
+
+
+def test_lines_of_a_console_that_nobody_reads_are_counted_all_the_same() -> None:
+    hub = Hub(first_seq=0)
+    assert hub.unwanted("router", 3)
+    other = hub.subscribe(Filter(topics=frozenset({"job"})))
+    assert hub.unwanted("router", 2)
+    assert (hub.seq, hub.published["console"]) == (5, 5)
+    hub.unsubscribe(other)
+    hub.subscribe(Filter())
+    assert not hub.unwanted("router", 2)
+    assert hub.seq == 5

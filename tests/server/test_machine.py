@@ -25,6 +25,7 @@ from server.dbthread import InlineDb
 from server.hub import Hub
 from server.machine import FIRST_ID, ID_STEP, Machine
 from server.subscription import Filter
+from server.worker import InlineWorker
 from tests.harness.fakes import ScriptedEngine
 from tests.harness.simloop import LoopClock, run_simulated
 from tests.harness.textframes import messages
@@ -64,6 +65,7 @@ class Bench:
             opener=self.open,
             engine=self.engine,
             highest_id=highest_id,
+            reader=InlineWorker(),
         )
 
     async def open(self, _url: str, _baud: int, on_data: Any, on_lost: Any) -> FakePort:

@@ -11,7 +11,7 @@ NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 def test_the_last_messages_oldest_first() -> None:
     recorder = Recorder(lambda: NOON + timedelta(seconds=4), lambda: 104.0)
     for number in range(5):
-        recorder.record("<", f"OK,ID<#{number};", 100.0 + number)
+        recorder.record([("<", f"OK,ID<#{number};")], 100.0 + number)
     assert [entry["text"] for entry in recorder.console(2)] == ["OK,ID<#3;", "OK,ID<#4;"]
     newest = {"at": "2026-03-01T12:00:04.000Z", "direction": "<", "text": "OK,ID<#4;"}
     assert recorder.console(1) == [newest]
@@ -24,7 +24,7 @@ def test_the_last_messages_oldest_first() -> None:
 def test_it_is_bounded_in_messages_and_in_characters() -> None:
     recorder = Recorder(lambda: NOON, lambda: 0.0)
     for _ in range(CONSOLE_MESSAGES + 10):
-        recorder.record(">", "x" * 10_000, 0.0)
+        recorder.record([(">", "x" * 10_000)], 0.0)
     console = recorder.console(CONSOLE_MESSAGES * 2)
     assert len(console) == CONSOLE_MESSAGES
     assert {len(entry["text"]) for entry in console} == {MESSAGE_CHARS}
