@@ -214,6 +214,7 @@ class Resets(Traffic):
             self._fail_batches("restart", None, "the controller has restarted")
             self._emit(MachineRestarted(banner.text))
         self._forget("the controller was reset")
+        self._blocks.trust()
         if not asked_for:
             self._settings_read = False
         for token in self._reset_tokens:

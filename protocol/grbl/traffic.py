@@ -306,8 +306,12 @@ class Traffic(ABC):
         reach_mm, certain = errand.reach_mm, False
         if refused or not line.steady or errand.batch is None:
             self._executed.displaced()
+            if self._batches and (refused or errand.batch is None):
+                self._blocks.doubt(line.text)
         elif reach_mm:
             certain = reach_mm[index] >= self._blocks.least_mm
+            if not certain:
+                self._blocks.heed(line.text)
         rests = (line.syncs and not refused) or self._status == "check"
         ended = self._executed.acknowledged(
             errand, inert=refused or line.inert, certain=certain, rests=rests, planner=self._planner_blocks

@@ -286,6 +286,20 @@ class TestStreaming:
         scene.poll("<Run|MPos:0.000,0.000,0.000|Bf:9,10|FS:0,0>")
         assert scene.take(BatchDone) == [BatchDone(first)]
 
+    @pytest.mark.parametrize("says_it_again", [False, True])
+    def test_behind_a_refused_g91_no_block_is_certain_until_it_is_said_again(self, says_it_again: bool) -> None:
+        scene = ready()
+        first = scene.batch("G1X100F10", on_error="ignore")
+        scene.batch("G91", "M8", *["X1"] * 40, on_error="ignore")  # to the controller all of these are one place
+        scene.sent()
+        scene.say("ok", "error:20", "ok", *["ok"] * 40)
+        assert scene.take(BatchDone) == []
+        if says_it_again:
+            scene.batch("G91", *["X1"] * 40, on_error="ignore")
+            scene.sent()
+            scene.say(*["ok"] * 41)
+            assert scene.take(BatchDone)[0] == BatchDone(first)
+
     def test_eeprom_lines_travel_alone(self) -> None:
         scene = ready()
         scene.batch("G1X1F500", "G10L2P1X0", "G1X2")
