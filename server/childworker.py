@@ -90,6 +90,9 @@ class ChildWorker:
         if process is None or process.poll() is not None:
             self._end()
             process = self._process = _begun()
+            if self._closed:
+                self._end()  # `close` came before there was one to end
+                raise ChildEndedError(f"the process for {self._name} was ended before its answer")
         assert process.stdin is not None
         assert process.stdout is not None
         try:

@@ -3,6 +3,8 @@
 import asyncio
 import os
 import pickle
+import subprocess
+import threading
 import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -13,6 +15,7 @@ from gcode.motion import Motion
 from jobs.batch import BatchLimits
 from jobs.expansion import ExpandError, TooLargeError
 from jobs.program import ProgramStore, UnknownProgramError
+from server import childworker
 from server.child import answered, opened
 from server.childworker import LARGE_BYTES, BySize, ChildEndedError, ChildWorker
 from server.estimates import measured
@@ -116,6 +119,29 @@ def test_what_has_begun_ends_with_the_worker() -> None:
         assert not alive(pid)
 
     asyncio.run(main())
+
+
+def test_one_that_begins_while_the_worker_is_closed_ends_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    begin, about_to, closed = childworker._begun, threading.Event(), threading.Event()
+
+    def late() -> "subprocess.Popen[bytes]":
+        about_to.set()
+        closed.wait(10)
+        return begin()
+
+    monkeypatch.setattr(childworker, "_begun", late)
+
+    async def story(worker: ChildWorker) -> None:
+        work = asyncio.create_task(worker.run(time.sleep, 60))
+        await asyncio.to_thread(about_to.wait, 10)
+        worker.close()
+        closed.set()
+        async with asyncio.timeout(10):
+            with pytest.raises(ChildEndedError):
+                await work
+        assert worker.pid is None
+
+    worked(story)
 
 
 def test_what_is_handed_over_in_earnest_comes_back_as_from_here(tmp_path: Path) -> None:
