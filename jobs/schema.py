@@ -232,4 +232,6 @@ def prepare(db: Database) -> None:
     db.execute("pragma synchronous = full")
     db.execute("pragma foreign_keys = on")
     db.execute("pragma busy_timeout = 5000")
+    with db.atomic():  # the table of the migrations is made in two steps: killed between them it would have no index
+        migrations.ensure_migrations_table(db)
     migrations.apply(db)

@@ -67,7 +67,8 @@ class _Mortal(sqlite3.Connection):
             raise KilledError
         if sql.strip().lower() == "commit":
             self.commit()
-        elif sql.lstrip().lower().startswith(WRITES):
+            return self.cursor()
+        if sql.lstrip().lower().startswith(WRITES):
             self.written = True
             if self.fate.every_statement:
                 self.fate.point(self, sql.strip().split("(")[0][:60])
