@@ -166,7 +166,7 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
             server = _Server(_uvicorn_config(app, config))
             daemon = RunningDaemon(server, asyncio.create_task(server.serve(sockets=[listener])), address(listener))
             on_stop_signal(daemon.stop)
-            async with _beside(workshop), outbound.running(workshop):
+            async with _beside(workshop), outbound.running(workshop, listener):
                 try:
                     yield daemon
                 finally:

@@ -10,12 +10,14 @@ import logging
 import os
 import socket
 import ssl
-from collections.abc import AsyncIterator, Coroutine
+from collections.abc import AsyncIterator, Coroutine, Sequence
+from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from server.clock import WallClock, stamp
 from server.config import Config
 from server.outbound import webhook
+from server.outbound.announcement import Announcement, announcements, reachable
 from server.outbound.devicemodel import axes_of
 from server.outbound.errors import OutboundError, first_line, need
 from server.outbound.feed import Feed, standing
@@ -51,6 +53,8 @@ class Outbound:
             made._agents = _listener(config.mtconnect.host, config.mtconnect.port)
         try:
             made._prepare_mqtt()
+            if config.mdns.enabled:
+                need("mdns", "zeroconf")
             made._secrets = [
                 hook.secret or first_line(f"webhook[{index}].secret_file", hook.secret_file)
                 for index, hook in enumerate(config.webhook)
@@ -66,16 +70,17 @@ class Outbound:
             self._agents.close()
 
     @contextlib.asynccontextmanager
-    async def running(self, workshop: "Workshop") -> AsyncIterator[None]:
-        """Tell others, until the end of the block."""
-        tasks = [asyncio.create_task(_watched(name, work)) for name, work in self._work(workshop)]
+    async def running(self, workshop: "Workshop", listening: socket.socket) -> AsyncIterator[None]:
+        """Tell others, until the end of the block. `listening` is where the daemon itself is reached."""
+        address: tuple[str, int] = listening.getsockname()[:2]
+        tasks = [asyncio.create_task(_watched(name, work)) for name, work in self._work(workshop, *address)]
         try:
             yield
         finally:
             await end(tasks)
             self.close()
 
-    def _work(self, workshop: "Workshop") -> list[tuple[str, Coroutine[None, None, None]]]:
+    def _work(self, workshop: "Workshop", host: str, port: int) -> list[tuple[str, Coroutine[None, None, None]]]:
         work = []
         if self._agents is not None:
             work.append(("MTConnect", self._mtconnect(workshop, self._agents)))
@@ -83,6 +88,8 @@ class Outbound:
             work.append(("MQTT", self._mqtt(workshop)))
         if self.config.webhook:
             work.append(("The webhooks", self._webhooks(workshop)))
+        if self.config.mdns.enabled:
+            work.append(("mDNS", self._mdns(workshop, host, port)))
         return work
 
     def _feed(self, workshop: "Workshop", rate_hz: float) -> Feed:
@@ -138,6 +145,21 @@ class Outbound:
         finally:
             for post in posts:
                 await post.close()
+
+    async def _mdns(self, workshop: "Workshop", host: str, port: int) -> None:
+        from server.outbound.mdns import announcer
+
+        def wanted(own: Sequence[str]) -> list[Announcement]:
+            return announcements(
+                name=self.config.mdns.name,
+                hostname=socket.gethostname(),
+                port=port,
+                addresses=reachable(host, own),
+                version=version("millstream"),
+                machines=[machine.name for machine in self.config.machine],
+            )
+
+        await announcer(wanted, workshop.outbound.mdns).run()
 
     async def _mtconnect(self, workshop: "Workshop", listener: socket.socket) -> None:
         config = self.config.mtconnect

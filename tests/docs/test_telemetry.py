@@ -4,12 +4,13 @@ import textwrap
 import time
 from typing import Any
 
+from server.outbound.announcement import SERVICES, announcements
 from server.outbound.feed import Notice
 from server.outbound.mqtttopics import COMMANDS, Topics, job_payload
 from server.outbound.shdr import _EXECUTION_BY_JOB, _EXECUTION_BY_STATE, Condition, Device
 from server.outbound.webhookevents import Happened, body_of, headers_of
 from server.telemetryconfig import EVENTS
-from tests.harness.docs import page, rows
+from tests.harness.docs import page, rows, section
 
 
 def test_every_item_that_agents_are_told() -> None:
@@ -52,3 +53,10 @@ def test_the_example_of_a_receiver_believes_us_and_nobody_else() -> None:
     for offset_s, key, wanted in ((0, "key", True), (0, "other", False), (-400, "key", False)):
         headers = headers_of("id", body, timestamp_s=now_s + offset_s, secret=key)
         assert example["is_genuine"](headers, body.encode(), b"key") is wanted
+
+
+def test_what_the_network_is_told() -> None:
+    text = section(page("telemetry.md"), "## mDNS")
+    (one, _) = announcements(name="", hostname="h", port=1, addresses=["192.0.2.7"], version="1", machines=[])
+    assert all(f"`{word}`" in text for word in one.properties)
+    assert all(f"`{service.removesuffix('.local.')}`" in text for service in SERVICES)
