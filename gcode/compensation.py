@@ -8,10 +8,10 @@ The one rule: never silently cut into the contour; a corner or an arc that the t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from math import ceil, inf, isfinite, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 from gcode.arcs import COINCIDENT_MM
 from gcode.offsetpath import Curve, arc, crossing, is_inside, straight, swing
@@ -43,8 +43,7 @@ _GAP_MM, _SMALL_GAP_MM, _GAP_SHARE = 0.5, 0.005, 0.001
 Position = tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Move:
+class Move(NamedTuple):
     """One move of the tool's centre. `kind` RAPID, FEED, CW, CCW or ASIDE; `end` over `axes`.
 
     `centre` of an arc is measured from the move's own start, in the plane's first and second axis; `turns` from 1.
@@ -175,7 +174,8 @@ class Compensator:
         if self._phase is Phase.CUTTING and abs(target - self._contour_at) <= COINCIDENT_MM:
             return self._stand(move)
         if self._phase is Phase.CUTTING:
-            return self._follow(straight(self._contour_at, target), move)
+            along = straight(self._contour_at, target)
+            return self._follow(along, along.parallel(self._side * self._radius), move)
         length = abs(target - self._contour_at)
         if length <= max(self._radius, COINCIDENT_MM):
             raise self._fault(
@@ -217,7 +217,7 @@ class Compensator:
             )
         if self._phase is Phase.ENTERING:
             return self._enter_by_arc(contour, path, move)
-        return self._follow(contour, move)
+        return self._follow(contour, path, move)
 
     def aside(self, line: int, payload: Any = None) -> list[Move]:
         """What is no motion but happens where the tool then stands: a dwell, the spindle, coolant."""
@@ -241,12 +241,11 @@ class Compensator:
 
     # -- one move after the other
 
-    def _follow(self, contour: Curve, move: Move) -> list[Move]:
+    def _follow(self, contour: Curve, path: Curve | None, move: Move) -> list[Move]:
         """The corner between the move held back and this one: what comes before this one is certain now."""
         held = self._held
         assert held is not None  # CUTTING has always one
-        path = contour.parallel(self._side * self._radius)
-        assert path is not None  # arc() has seen to it
+        assert path is not None  # a straight always has one, and arc() has seen to it
         inside = is_inside(held.contour, contour, self._side)
         if inside:
             return self._inside_corner(held, contour, path, move)
@@ -312,7 +311,7 @@ class Compensator:
         """A move of other axes alone, or none at all: it happens where the move before it will have ended."""
         if len(self._behind) >= MAX_HELD:
             raise self._fault(move, "compensation_still", f"over {MAX_HELD} moves without a motion in the plane")
-        self._behind.append(move)
+        self._behind = [*self._behind, move]  # never in place: a copy of all this keeps its own
         self.programmed = move.end
         return []
 
@@ -321,20 +320,21 @@ class Compensator:
         held = self._held
         assert held is not None
         moves = [self._finished(held, end, held.spare if left is None else left)]
-        moves += [replace(move, end=self._placed(move.end, end)) for move in self._behind]
+        moves += [move._replace(end=self._placed(move.end, end)) for move in self._behind]
         self._held, self._behind, self._tool = None, [], moves[-1].end
         return moves
 
     def _finished(self, held: _Held, end: complex, left: float) -> Move:
         """The move held back as it is given out."""
-        placed = self._placed(held.move.end, end)
+        move = held.move
+        placed = self._placed(move.end, end)
         if not held.path.turn:
-            return replace(held.move, end=placed)
+            return Move(move.line, move.kind, placed, move.centre, move.turns, move.payload)
         if left * held.path.radius < SPECK_MM:
-            return replace(held.move, kind=FEED, end=placed, centre=None, turns=1)
+            return Move(move.line, FEED, placed, payload=move.payload)
         from_start = held.path.centre - self._in_plane(self._tool)
         turns = max(1, ceil(left / (2 * pi) - 1e-9))
-        return replace(held.move, end=placed, centre=(from_start.real, from_start.imag), turns=turns)
+        return Move(move.line, move.kind, placed, (from_start.real, from_start.imag), turns, move.payload)
 
     def _through(self, move: Move) -> list[Move]:
         """Not compensated. After G40 it brings the tool back to the programmed way."""
@@ -346,7 +346,7 @@ class Compensator:
     def _fault(self, move: Move, code: str, message: str) -> CompensationFault:
         """Give up until G40; whoever goes on goes on with the moves of the fault."""
         moves = self._release(self._held.path.end) if self._held else []
-        to_end = replace(move, kind=FEED if move.kind in (CW, CCW) else move.kind, centre=None, turns=1)
+        to_end = Move(move.line, FEED if move.kind in (CW, CCW) else move.kind, move.end, payload=move.payload)
         self._phase = Phase.OFF if self._phase in (Phase.OFF, Phase.LEAVING) else Phase.THROUGH
         self._straight_next = False
         self.programmed = self._tool = move.end
@@ -385,7 +385,7 @@ class Compensator:
         assert move.centre is not None
         from_start = complex(*move.centre)
         centre = self._contour_at + from_start
-        if not _sane(centre) or not 1 <= move.turns <= MAX_TURNS:
+        if not _sane(centre) or abs(from_start) <= COINCIDENT_MM or not 1 <= move.turns <= MAX_TURNS:
             raise self._fault(move, "compensation_arc", "there is no arc of these words")
         radius, end_radius = abs(from_start), abs(target - centre)
         gap = abs(radius - end_radius)

@@ -5,11 +5,12 @@ and every segment's end are known together or NaN together; a segment begins whe
 """
 
 from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass, field
 from math import isnan, nan
 from typing import Literal, NamedTuple
 
-from gcode.compensation import LEFT, RIGHT, CompensationFault, Compensator, Move
+from gcode.compensation import LEFT, RIGHT, CompensationFault, Compensator, Move, Phase
 from gcode.profile import Code, Profile
 from gcode.rows import NO_TOOL, ArcWords, Row, Rows
 from gcode.segments import CCW, CW, DWELL, FEED, HOMING, PLANE_AXES, PROBE, RAPID, ROTARY_AXES
@@ -47,6 +48,14 @@ class Work:
     used: set[str] = field(default_factory=set)
     machine: bool = False
     inverse: float | None = None
+
+
+class Mark(NamedTuple):
+    """What `Executor.back` comes back to."""
+
+    compensator: Compensator | None
+    tool_at: list[float] | None
+    notes: int
 
 
 class Executor:
@@ -211,6 +220,26 @@ class Executor:
         """The line of the move that compensation holds back, if there is one."""
         return self._compensator.held_line if self._compensator is not None else None
 
+    @property
+    def cutting(self) -> bool:
+        """Whether the tool goes along a compensated contour: behind the way in, before G40."""
+        return self._compensator is not None and self._compensator.phase is Phase.CUTTING
+
+    def guide(self, rows: Iterable[Row]) -> None:
+        """Programmed moves of plain blocks through the compensation, while `cutting`."""
+        for row in rows:
+            assert self._compensator is not None  # G40 is no plain block
+            self._guide(row, self._compensator)
+
+    def mark(self) -> "Mark":
+        """Where the compensation stands, to come `back` to. Rows are not part of it."""
+        return Mark(copy(self._compensator), self._tool_at, len(self.notes))
+
+    def back(self, mark: "Mark") -> None:
+        """As it stood there."""
+        self._compensator, self._tool_at = mark.compensator, mark.tool_at
+        del self.notes[mark.notes :]
+
     def compensate(self, work: Work, side: int) -> None:
         """G41 or G42; 41 or 42 in `side`."""
         state = self.state
@@ -292,19 +321,18 @@ class Executor:
             if row.kind == DWELL:
                 self.rows.add(row._replace(start=end, end=end))
             else:
-                self.rows.add(row._replace(line=move.line, kind=move.kind, start=start, end=end, arc=None))
-                if move.kind in (CW, CCW) and move.centre is not None:
-                    self._add_arc(move, start, end)
+                arc = self._arc_of(move, start, end) if move.kind in (CW, CCW) else None
+                self.rows.add(Row(move.line, move.kind, start, end, *row[4:-1], arc))
             self._tool_at = end
 
-    def _add_arc(self, move: Move, start: list[float], end: list[float]) -> None:
+    def _arc_of(self, move: Move, start: list[float], end: list[float]) -> ArcWords | None:
         """In the plane that G41 was given in, whatever has been selected since."""
         compensator = self._compensator
         if compensator is None or move.centre is None:
-            return
+            return None
         first, second = (self.axis_rows[axis] for axis in PLANE_AXES[compensator.plane][:2])
         way = (end[first] - start[first], end[second] - start[second])
-        self.rows.amend_arc(ArcWords(compensator.plane, way, move.centre, None, move.turns))
+        return ArcWords(compensator.plane, way, move.centre, None, move.turns)
 
 
 __all__ = ["FEED", "Executor", "Note", "Work"]

@@ -12,8 +12,9 @@ import numpy as np
 from gcode.blocks import Blocks, CodeTable, blocks_of
 from gcode.columns import Columns, read_columns
 from gcode.executor import Note
-from gcode.interpreter import Interpreter
+from gcode.interpreter import NO_COMPENSATION, Interpreter
 from gcode.profile import Profile
+from gcode.rows import rows_of
 from gcode.runs import Context, Run
 from gcode.segments import Ints, Segments, joined
 from gcode.state import State
@@ -129,12 +130,16 @@ class Reading:
         if len(rows):
             parts.append(self._interpreter.take())
         found = run.execute(Context(line, rows.frame_of(self.state.frame), rows.frames, self._speed_syncs, self._laser))
-        if found is not None:
+        if found is not None and self._interpreter.executor.cutting:
+            self._interpreter.executor.guide(rows_of(found))
+        elif found is not None:
             parts.append(found)
 
     def _can_run(self) -> bool:
         state = self.state
-        return state.absolute is not None and not self._interpreter.compensating and state.compensation == 40
+        if self._interpreter.compensating or state.compensation != NO_COMPENSATION:
+            return state.absolute is not None and self._interpreter.executor.cutting
+        return state.absolute is not None
 
     # --- modal codes that change nothing --------------------------------------------------------------------------
 

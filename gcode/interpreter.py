@@ -62,6 +62,11 @@ class Interpreter:
         return self._executor.compensating
 
     @property
+    def executor(self) -> Executor:
+        """For whoever works plain blocks out elsewhere: their moves go through the compensation all the same."""
+        return self._executor
+
+    @property
     def held_line(self) -> int | None:
         """The line of the move that waits for the corner behind it: rows of it, and of lines behind it, may follow."""
         return self._executor.held_line

@@ -7,8 +7,8 @@ all, never the nearest thing that would.
 """
 
 from cmath import phase
-from dataclasses import dataclass
 from math import inf, pi, sqrt
+from typing import NamedTuple
 
 from gcode.arcs import COINCIDENT_MM
 
@@ -33,19 +33,20 @@ _EVEN_BEND = 1e-9
 """1/mm; two bends that differ by less run along each other."""
 
 
-@dataclass(frozen=True, slots=True)
-class Curve:
+class Curve(NamedTuple):
     """A straight from `start` to `end` (`turn` 0), or an arc around `centre`, `turn` 1 counter-clockwise, -1 clockwise.
 
     `extent` is the length of a straight in mm, the angle of an arc in rad, full turns included. The radius of an arc
-    that does not quite close is that of its end, as in the reference.
+    that does not quite close is that of its end, as in the reference. Headings are directions of travel, of length 1.
     """
 
     start: complex
     end: complex
     extent: float
-    turn: int = 0
-    centre: complex = 0j
+    turn: int
+    centre: complex
+    heading_at_start: complex
+    heading_at_end: complex
 
     @property
     def radius(self) -> float:
@@ -62,28 +63,13 @@ class Curve:
         """1/mm, positive where it bends to the left."""
         return self.turn / self.radius if self.turn else 0.0
 
-    @property
-    def heading_at_start(self) -> complex:
-        """Direction of travel, of length 1."""
-        return self._heading(self.start)
-
-    @property
-    def heading_at_end(self) -> complex:
-        """Direction of travel, of length 1."""
-        return self._heading(self.end)
-
-    def _heading(self, point: complex) -> complex:
-        if not self.turn:
-            return _unit(self.end - self.start)
-        return self.turn * 1j * _unit(point - self.centre)
-
     def parallel(self, distance: float) -> "Curve | None":
         """The curve at this distance to the left; None where the inside of an arc has no room for it."""
-        start = self.start + 1j * self.heading_at_start * distance
-        end = self.end + 1j * self.heading_at_end * distance
-        if self.turn and self.radius - self.turn * distance <= COINCIDENT_MM:
+        start, end, extent, turn, centre, at_start, at_end = self
+        if turn and self.radius - turn * distance <= COINCIDENT_MM:
             return None
-        return Curve(start, end, self.extent, self.turn, self.centre)
+        aside = 1j * distance
+        return Curve(start + aside * at_start, end + aside * at_end, extent, turn, centre, at_start, at_end)
 
     def before_end(self, point: complex) -> float:
         """How far a point of the curve lies before its end, in the measure of `extent`; beyond an end < 0."""
@@ -104,7 +90,10 @@ class Curve:
 
 def straight(start: complex, end: complex) -> Curve:
     """From here to there; they are not the same point."""
-    return Curve(start, end, abs(end - start))
+    way = end - start
+    length = abs(way)
+    heading = way / length
+    return Curve(start, end, length, 0, 0j, heading, heading)
 
 
 def arc(start: complex, end: complex, centre: complex, *, turn: int, turns: int = 1) -> Curve:
@@ -112,7 +101,9 @@ def arc(start: complex, end: complex, centre: complex, *, turn: int, turns: int 
     extent = _angle(start - centre, end - centre, turn)
     if abs(end - start) <= COINCIDENT_MM or extent <= _ROUNDING_RAD:
         extent = 2 * pi
-    return Curve(start, end, extent + 2 * pi * (turns - 1), turn, centre)
+    across = turn * 1j
+    headings = across * _unit(start - centre), across * _unit(end - centre)
+    return Curve(start, end, extent + 2 * pi * (turns - 1), turn, centre, *headings)
 
 
 def swing(path: Curve, start: complex) -> Curve | None:

@@ -4,7 +4,7 @@ No meaning of words here; arc geometry is worked out for all rows at once by gco
 rule: a row says what is known of an arc from its own words, so that an arc is known even where the position is not.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import isnan, nan
 from typing import NamedTuple
 
@@ -51,6 +51,19 @@ class Row(NamedTuple):
     arc: ArcWords | None = None
 
 
+def rows_of(segments: Segments) -> Iterator[Row]:
+    """Columns as rows again."""
+    columns = (
+        segments.line, segments.kind, segments.start.T, segments.end.T, segments.feed, segments.spindle, segments.tool,
+        segments.sync, segments.frame, segments.dwell_s, segments.plane, segments.centre.T,
+    )  # fmt: skip
+    for line, kind, start, end, feed, spindle, tool, sync, frame, dwell_s, plane, centre in zip(
+        *(column.tolist() for column in columns), strict=True
+    ):
+        arc = ArcWords(plane, (nan, nan), (centre[0], centre[1]), None, 1) if plane else None
+        yield Row(line, kind, start, end, feed, spindle, tool, sync, frame, dwell_s, arc=arc)
+
+
 class Rows:
     """Rows of one program. `frames` only ever grows: a row's `frame` stays true through all that is taken."""
 
@@ -71,10 +84,6 @@ class Rows:
             row = self._frame_rows[frame] = len(self.frames)
             self.frames.append(frame)
         return row
-
-    def amend_arc(self, arc: ArcWords) -> None:
-        """The last row is this arc."""
-        self._rows[-1] = self._rows[-1]._replace(arc=arc)
 
     def drain(self) -> list[Row]:
         """Everything since the last take as it is, for whoever looks at moves one by one."""

@@ -10,7 +10,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from gcode.blocks import Blocks
+from gcode.blocks import Blocks, Letter
 from gcode.check.source import gather_numbered
 from gcode.columns import Columns, read_columns
 from gcode.executor import Note
@@ -22,8 +22,9 @@ from gcode.ncframe.rules import FrameRules
 from gcode.ncframe.source import blocks_of_lines
 from gcode.ncframe.translate import Translator
 from gcode.profile import Profile
+from gcode.rows import Row, Rows, rows_of
 from gcode.runs import MM_PER_INCH, Context, Run
-from gcode.segments import CW, RAPID, Bools, Ints, Segments
+from gcode.segments import CW, RAPID, Bools, Floats, Ints, Segments
 from gcode.state import State
 
 CAREFUL_ROWS = 32
@@ -72,7 +73,7 @@ class Stretches(Reading):
         blocks.special = np.unique(np.concatenate([blocks.special, *careful]))
         at = 0
         while at < columns.lines:
-            behind = self._leap(blocks, at)
+            behind = self._leap(blocks, at, columns, line)
             if behind == at:
                 behind = self._careful_until(blocks, at)
                 for row in range(at, behind):
@@ -88,9 +89,9 @@ class Stretches(Reading):
         return min(stop, at + CAREFUL_ROWS)
 
     def _may_leap(self) -> bool:
-        return self._translator.is_plain and self._can_run()
+        return (self._translator.is_plain or self._translator.is_cut) and self._can_run()
 
-    def _leap(self, blocks: Blocks, at: int) -> int:
+    def _leap(self, blocks: Blocks, at: int, columns: Columns, line: Ints) -> int:
         """Behind a stretch that begins here; `at` where there is none."""
         if not self._may_leap():
             return at
@@ -103,6 +104,13 @@ class Stretches(Reading):
             return at
         before = self.state.copy()
         segments = run.execute(self._context(blocks))
+        if self._translator.is_cut:
+            if segments is not None and self._leap_along(segments, columns, line, blocks.part("F", at, run.end)):
+                self._window *= 4
+                return run.end
+            self._window = FIRST_WINDOW
+            _restore(self.state, before)
+            return at
         moved = segments is not None
         good = self._good_until(segments, blocks, at, run.end)
         if good < run.end:
@@ -117,6 +125,23 @@ class Stretches(Reading):
             self._translator.leap()
         return good
 
+    def _leap_along(self, contour: Segments, columns: Columns, line: Ints, feeds: Letter) -> bool:
+        """Whether a stretch of a compensated contour is nothing but frames; the state has gone on through it."""
+        if self._odd_feeds(feeds).any():
+            return False
+        row = int(contour.line[-1])
+        return self._translator.leap_along(list(rows_of(contour)), int(line[row]), columns.block(row), self._fit)
+
+    def _fit(self, rows: list[Row]) -> bool:
+        """Whether frames can hold these moves of the tool."""
+        if not rows:
+            return True
+        moves = Rows(self.state.axes)
+        for row in rows:
+            moves.add(row)
+        start = np.rint(np.array(rows[0].start, np.float64) / self._rules.resolution_mm)
+        return not self._odd_moves(moves.take(), start[:, None]).any()
+
     def _context(self, blocks: Blocks) -> Context:
         """With rows in the place of lines."""
         return Context(np.arange(blocks.count, dtype=np.int64), 0, [tuple(self.state.frame)], False, False)
@@ -125,24 +150,25 @@ class Stretches(Reading):
 
     def _good_until(self, segments: Segments | None, blocks: Blocks, at: int, end: int) -> int:
         """The first row that a frame might not hold. The state is that behind all rows."""
-        odd = [np.flatnonzero(self._odd_feeds(blocks, at, end)) + at]
+        odd = [np.flatnonzero(self._odd_feeds(blocks.part("F", at, end))) + at]
         if segments is not None:
-            odd.append(segments.line[self._odd_moves(segments)])
+            start = np.array(self._translator.counts, np.float64)[:, None]
+            odd.append(segments.line[self._odd_moves(segments, start)])
         return min([end, *(int(rows.min()) for rows in odd if len(rows))])
 
-    def _odd_feeds(self, blocks: Blocks, begin: int, end: int) -> Bools:
+    def _odd_feeds(self, part: Letter) -> Bools:
         """Rows with an F that has no byte."""
-        part, state = blocks.part("F", begin, end), self.state
+        state = self.state
         feed = part.values * (MM_PER_INCH if state.inches else 1.0)
         if state.feed_mode == 95:
             feed = feed * abs(state.speed)
         odd: Bools = part.has & ~feeds_have_bytes(feed, self._rules)
         return odd
 
-    def _odd_moves(self, segments: Segments) -> Bools:
+    def _odd_moves(self, segments: Segments, start: Floats) -> Bools:
+        """`start`: where the first begins, counts."""
         low, high = THREE_BYTES
         counts = np.rint((segments.end + np.array(self._translator.added)[:, None]) / self._rules.resolution_mm)
-        start = np.array(self._translator.counts, np.float64)[:, None]
         steps = np.diff(counts, axis=1, prepend=start)
         odd: Bools = ~((steps >= low) & (steps <= high)).all(axis=0)
         cuts = segments.kind != RAPID

@@ -7,7 +7,7 @@ tool, so that no error ever grows.
 """
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import isnan, nan
 
@@ -83,6 +83,13 @@ class Translator:
         return not self._unset and self.settled and self._writer.has_its_offset
 
     @property
+    def is_cut(self) -> bool:
+        """Whether plain moves are those of a compensated contour: all that waits, waits for their corner."""
+        held = self.interpreter.held_line
+        cutting = self.interpreter.executor.cutting and isinstance(held, BlockLine)
+        return cutting and self._writer.has_its_offset and not self._unset
+
+    @property
     def counts(self) -> list[int]:
         """Where the machine stands, over the axes of the state."""
         return self._writer.counts
@@ -96,6 +103,42 @@ class Translator:
         """The state has gone on through plain moves whose frames nobody wants. They hold their tool."""
         self._writer.stand([at + added for at, added in zip(self.state.position, self.added, strict=True)])
         self._writer.memory.forget(tool=False)
+
+    def leap_along(self, moves: list[Row], line: int, block: Block, fits: Callable[[list[Row]], bool]) -> bool:
+        """Plain moves of a compensated contour whose frames nobody wants; the state has gone on through them. `block`,
+        in `line`, is the last of them, which waits for the corner behind it. False, with nothing done, where a corner
+        is at fault or `fits` says no of what the tool does; of the moves held back before the frames are written."""
+        interpreter, executor, known = self.interpreter, self.interpreter.executor, len(self.errors)
+        mark = executor.mark()
+        here = BlockLine(line, self._blocks + 1)
+        executor.guide([*moves[:-1], moves[-1]._replace(line=here)])
+        rows = interpreter.rows.drain()
+        leapt = [row for row in rows if not isinstance(row.line, BlockLine)]
+        words = self._read(line, block)
+        if interpreter.notes or interpreter.held_line is not here or words is None or not fits(leapt):
+            executor.back(mark)
+            del self.errors[known:]
+            return False
+        self._share_out(rows)
+        while self._waiting:
+            pending = self._waiting.popleft()
+            del self._by_block[pending.line.block]
+            self._writer.write(pending)
+        if leapt:
+            self._writer.stand(list(leapt[-1].end))
+        self._writer.memory.forget(tool=False)
+        pending = self._wait(here, block, words)
+        pending.rows += [row for row in rows if row.line is here]
+        self._writer.complete(pending)
+        return True
+
+    def _wait(self, here: BlockLine, block: Block, words: "_Words") -> Pending:
+        """A block whose frames are still to come."""
+        self._blocks = here.block
+        pending = self._writer.begin(here, block, words.codes, words.values)
+        self._waiting.append(pending)
+        self._by_block[here.block] = pending
+        return pending
 
     @property
     def place(self) -> tuple[float, ...]:
@@ -138,11 +181,8 @@ class Translator:
         words = self._read(line, block)
         if words is None:
             return []
-        self._blocks += 1
-        here = BlockLine(line, self._blocks)
-        pending = self._writer.begin(here, block, words.codes, words.values)
-        self._waiting.append(pending)
-        self._by_block[self._blocks] = pending
+        here = BlockLine(line, self._blocks + 1)
+        pending = self._wait(here, block, words)
         before = self.state.position
         self._guard(pending, words)
         self.interpreter.step(here, block)

@@ -53,7 +53,19 @@ single = st.sampled_from(
         "G95 F.1",
     )
 )
-program = st.lists(st.one_of(plain, plain, moves, moves, single), max_size=25)
+small = st.sampled_from(("1.5", "3", "-2", "-4.25", "0", ".3", "7", "-6.125"))
+step = st.builds(lambda motion, x, z: f"{motion} X{x} Z{z}".strip(), st.sampled_from(("", "G1", "G0")), small, small)
+bow = st.builds(lambda g, x, z, r: f"G{g} X{x} Z{z} R{r}", st.sampled_from("23"), small, small, st.sampled_from("369"))
+beside = st.sampled_from(
+    ("", "F200", "G1", "X1", "Z2", "G1 F300 X5", "M8", "G4 P1", "G1 X9000", "G91", "G2 X1 Z1 I1 K0")
+)
+contour = st.builds(
+    lambda begin, rows, end: [*begin, *rows, *end],
+    st.sampled_from((["G91 F100", "G41 D1 G1 X5"], ["G91 F100", "G42 G1 Z-4"], ["F100", "G41", "G1 X5 Z9"])),
+    st.lists(st.one_of(step, step, step, bow, beside), max_size=20),
+    st.sampled_from((["G40 G1 X9"], ["G40", "G0 X3 Z3"], [])),
+)
+program = contour | st.lists(st.one_of(plain, plain, moves, moves, single), max_size=25)
 RULES = (
     FrameRules(tool_radius_mm=0.4),
     FrameRules(tool_radius_mm=0.4, compensation="offset", block_delete=True),
