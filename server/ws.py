@@ -155,7 +155,7 @@ class EventSocket:
         self._wire.on_room = subscription.wake
         subscription.begin(self, (text_frame(hello), *start.missed))
         await self._revoked.wait()
-        raise ProblemError("unauthorized", "The token of this connection was revoked.")
+        raise ProblemError("unauthorized", "The token of this connection was revoked or has expired.")
 
     async def _until_one_ends(self, *work: Awaitable[None]) -> None:
         tasks = [asyncio.ensure_future(one) for one in work]
@@ -212,7 +212,7 @@ class EventSocket:
             id_ = spoken.get("id")
             message = _valid(spoken)
             if not self._services.tokens.still_good(self._principal):
-                raise ProblemError("unauthorized", "The token of this connection was revoked.")
+                raise ProblemError("unauthorized", "The token of this connection was revoked or has expired.")
             admit(self._principal, ROLES[type(message)])
             if isinstance(message, Jog) and len(self._under_way) >= MAX_UNDER_WAY:
                 raise ProblemError("machine_busy", f"{MAX_UNDER_WAY} jogs of this connection still wait for their end.")
