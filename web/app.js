@@ -12,6 +12,7 @@ import { ConsolePage } from "./console/page.js";
 import { CardPage } from "./console/card.js";
 import { Header, Lost, Tabs } from "./parts/frame.js";
 import { JobsPage } from "./jobs/page.js";
+import { AskTakeover } from "./machine/control.js";
 import { MachinePage } from "./machine/page.js";
 import { Notices } from "./parts/notices.js";
 import { PlotsPage } from "./telemetry/page.js";
@@ -41,6 +42,7 @@ function App() {
         ${known || !live.value ? html`<${VIEWS[page]} key=${page} />` : html`<p class="empty">${t("machine.none")}</p>`}
       </main>
     </div>
+    <${AskTakeover} />
     <${Calls} />
     <${Notices} />`;
 }

@@ -9,6 +9,13 @@ export interface Alarm {
   message: string;
 }
 
+/** Who moves a machine by hand. */
+export interface Holder {
+  name: string;
+  client: string;
+  since: string;
+}
+
 export interface State {
   status: string;
   position: { machine: Axes; work: Axes };
@@ -26,6 +33,7 @@ export interface State {
   substate?: number | null;
   ack_s?: number | null;
   batch_s?: number | null;
+  control?: Holder | null;
   seq: number;
   at: string | null;
 }

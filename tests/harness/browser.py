@@ -13,8 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 from playwright.sync_api import Browser, BrowserContext, CDPSession, ConsoleMessage, Page, expect, sync_playwright
+
+from tests.harness.process import Daemon
 
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
@@ -103,6 +106,24 @@ def screen(browser: Browser, url: str, size: tuple[int, int] = DESK, **options: 
         assert not one.complaints(), "\n".join(one.complaints())
     finally:
         context.close()
+
+
+def unheld(one: Daemon) -> Daemon:
+    """What a test itself asks of a machine takes the control and gives it back: the browsers are the clients."""
+
+    def ask(request: httpx.Request, method: str) -> None:
+        name, verb = [*request.url.path.split("/"), "", ""][4:6]
+        if verb not in ("unlock", "commands"):
+            return
+        body = {"takeover": True} if method == "POST" else None
+        with httpx.Client(base_url=one.url, transport=httpx.HTTPTransport()) as client:
+            assert client.request(method, f"/api/v1/machines/{name}/control", json=body).is_success
+
+    one.http.event_hooks = {
+        "request": [lambda request: ask(request, "POST")],
+        "response": [lambda response: ask(response.request, "DELETE")],
+    }
+    return one
 
 
 def topmost(page: Page, selector: str) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser
 
-from tests.harness.browser import Screen, chromium, screen
+from tests.harness.browser import Screen, chromium, screen, unheld
 from tests.harness.process import MACHINE, Daemon, daemon, until
 
 MILL = "sim:?speed_factor=4"
@@ -29,7 +29,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="session")
 def shared(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
     with daemon(tmp_path_factory.mktemp("dashboard"), MILL) as one:
-        yield one.connected()
+        yield unheld(one.connected())
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,7 @@
 """Moving by hand: steps, held buttons, the keyboard, zeroes. The judge is the position that the machine reports."""
 
 import time
+from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import expect
@@ -100,6 +101,32 @@ def test_an_axis_is_zeroed_after_a_question_and_zero_is_reached_again(person: Sc
     person.press("go-zero")
     until(lambda: (at(mill)["x"], at(mill)["y"]) == (0, 0))
     assert axis(person, "x") == "0.000"
+
+
+def test_one_moves_the_machine_the_others_see_who_and_may_take_over(
+    person: Screen, mill: Daemon, screens: Callable[..., Screen]
+) -> None:
+    other = screens(mill.url)
+    other.go("mill/machine")
+    other.page.locator("[data-step='1']").click()
+    person.page.locator("[data-jog='X+']").click()
+    expect(person.named("control")).to_contain_text("You move this machine")
+    holder = mill.get("/machines/mill/control")["holder"]["client"]
+    assert holder.startswith("browser-")
+    expect(other.named("control")).to_contain_text(holder)
+    expect(other.named("jog-why")).to_have_text("another one moves it")
+    person.status("idle")
+    other.press("reset")  # which is not held back before, and asks
+    expect(other.named("ask-takeover")).to_contain_text(holder)
+    other.allowed.append("status of 409")
+    other.press("takeover-yes")
+    expect(other.named("control")).to_contain_text("You move this machine")
+    expect(person.named("jog-why")).to_have_text("another one moves it")
+    person.press("control-take")
+    expect(person.named("control")).to_contain_text("You move this machine")
+    person.press("control-release")
+    for one in (person, other):
+        expect(one.named("control")).to_have_count(0)
 
 
 def test_while_a_job_runs_nothing_moves_by_hand_and_the_page_says_why(person: Screen, mill: Daemon) -> None:

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 from websockets.sync.client import connect
 
-from tests.harness.browser import PHONE, Screen, topmost
+from tests.harness.browser import PHONE, Screen, topmost, unheld
 from tests.harness.process import Daemon, daemon, until
 
 pytestmark = pytest.mark.real
@@ -43,7 +43,7 @@ def shop(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     """A mill, a lathe, and a saw whose tools a device changes."""
     with daemon(tmp_path_factory.mktemp("shop"), "sim:?speed_factor=4", elvinto=SECOND) as one:
         until(lambda: all(machine["link"] == "connected" for machine in one.get("/machines")))
-        yield one
+        yield unheld(one)
 
 
 def job_of(shop: Daemon, machine: str, text: str) -> int:

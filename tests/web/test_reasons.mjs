@@ -21,6 +21,15 @@ test("who only looks may have a controller asked, when it can answer", () => {
   assert.equal(whyNot("read", now({ role: "viewer", live: false })), "reason.no_daemon");
 });
 
+test("what moves by hand waits for whoever has the machine, and not for oneself", () => {
+  const held = { ...machine(), state: { status: "idle", control: { name: "Ann", client: "desk", since: "" } } };
+  for (const action of ["jog", "by_hand", "home"]) {
+    assert.equal(whyNot(action, now({ machine: held, client: "phone" })), "reason.control");
+    assert.equal(whyNot(action, now({ machine: held, client: "desk" })), null);
+  }
+  assert.equal(whyNot("operate", now({ machine: held, client: "phone" })), null);
+});
+
 test("each state of the machine and the job has its own reason", () => {
   const cases = [
     ["jog", {}, null], ["jog", { machine: machine("run") }, null], ["jog", { machine: machine("alarm") }, "reason.alarm"],

@@ -6,6 +6,7 @@ import { t } from "../lib/i18n.js";
 import { can, chosen, job, watchLink } from "../state/store.js";
 import { JobPreview } from "../preview/panel.js";
 import { QueuePanel } from "../jobs/queue.js";
+import { ControlStrip } from "./control.js";
 import { Figures } from "./figures.js";
 import { JogPanel } from "./jog.js";
 import { LinkPanel } from "./link.js";
@@ -20,7 +21,7 @@ export function MachinePage() {
   const name = chosen.value;
   useEffect(() => (name === null ? undefined : watchLink(name)), [name]);
   if (name === null) return html`<p class="empty">${t("machine.waiting")}</p>`;
-  return html`<div class="grid machine-grid">
+  return html`<${ControlStrip} /><div class="grid machine-grid">
     <${Position} />
     ${job.value && html`<div class="column job-panels"><${NowLines} /><${JobPreview} /></div>`}
     ${can("jog") && html`<${JogPanel} key=${name} />`}

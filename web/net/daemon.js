@@ -2,6 +2,7 @@
 // e-stop works even where the rest of the page does not.
 // The rule: one connection a page; who wants to hear something listens here.
 
+import { CLIENT } from "./client.js";
 import { API, get } from "./http.js";
 import { Connection } from "./socket.js";
 
@@ -22,6 +23,7 @@ export const daemon = new Connection({
     address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     address.searchParams.set("topics", topics().join(","));
     address.searchParams.set("rate", STATES_A_SECOND);
+    address.searchParams.set("client", CLIENT);
     if (since !== null) address.searchParams.set("since", String(since));
     return new WebSocket(address);
   },

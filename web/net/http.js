@@ -1,6 +1,8 @@
 // Requests to the daemon's API. Not the WebSocket (socket.js), not what an answer means.
 // The rule: every refusal becomes an ApiError with the daemon's own code and words; silence becomes one too.
 
+import { CLIENT } from "./client.js";
+
 export const API = "/api/v1";
 const ANSWER_MS = 20_000; // a machine that is asked may take its time; a daemon that is gone must not take for ever
 
@@ -27,7 +29,7 @@ export async function request(method, path, body, options = {}) {
   // `any` is younger than the rest of what is used here, and the e-stop must not hang on it.
   const signal = options.signal ? AbortSignal.any([late, options.signal]) : late;
   /** @type {Record<string, string>} */
-  const headers = { ...options.headers };
+  const headers = { "Millstream-Client": CLIENT, ...options.headers };
   if (body !== undefined) headers["Content-Type"] = "application/json";
   let response;
   try {

@@ -3,11 +3,15 @@
 
 import { ApiError, post, request } from "../net/http.js";
 import { daemon } from "../net/daemon.js";
+import { signal } from "../lib/ui.js";
 import { t } from "../lib/i18n.js";
 import { notify } from "../parts/notices.js";
 import { chosen, learnJob } from "./store.js";
 
 const WITHIN_S = 3600; // blocks by hand answer when they are executed
+
+/** Who moved the machine by hand when something was refused because of it. @type {import("../vendor/signals.js").Signal<import("../types.js").Holder | null>} */
+export const refusedBy = signal(null);
 
 /**
  * Do it, and show why it was refused. Returns what it gave, undefined when it failed.
@@ -17,7 +21,8 @@ export async function attempt(what) {
   try {
     return await what();
   } catch (error) {
-    notify(said(error));
+    if (error instanceof ApiError && error.code === "control_held" && error.body.holder) refusedBy.value = error.body.holder;
+    else notify(said(error));
     if (error instanceof ApiError && error.code === "unauthorized") daemon.start();
     return undefined;
   }

@@ -11,6 +11,7 @@ import { MOVING } from "./reduce.js";
  *   queue: import("../types.js").Waiting[],
  *   role: string,
  *   live: boolean,
+ *   client?: string,
  * }} Situation
  * @typedef {(now: Situation) => string | null} Need
  */
@@ -52,6 +53,11 @@ const noJobButGrbl = (now) => (atOnce(now) ? null : noJob(now));
 const moving = (now) => (now.job || stands(now, "run", "jog", "hold", "home") ? null : "reason.nothing_runs");
 /** @type {Need} */
 const admin = ({ role }) => (role === "admin" ? null : "reason.admin_only");
+/** Another one moves it by hand. @type {Need} */
+const ours = ({ machine, client }) => {
+  const holder = machine?.state.control;
+  return holder && holder.client !== client ? "reason.control" : null;
+};
 /** @type {Need} */
 const decided = ({ job }) => (job?.status === "interrupted" ? "reason.interrupted" : null);
 /** @type {Need} */
@@ -65,11 +71,11 @@ const NEEDS = {
   pause: [runs, notCancelling],
   resume: [paused, connected, noAlarm],
   stop: [anyJob, notCancelling],
-  home: [connected, noAlarmButGrbl, noJob, free, standing],
+  home: [connected, noAlarmButGrbl, noJob, free, ours, standing],
   unlock: [connected, inAlarm, noJob],
   reset: [connected, noJobButGrbl],
-  jog: [connected, noAlarm, noJob, free],
-  by_hand: [connected, noAlarm, noJob, free],
+  jog: [connected, noAlarm, noJob, free, ours],
+  by_hand: [connected, noAlarm, noJob, free, ours],
   overrides: [connected],
   door: [connected, moving],
   settings: [connected, noAlarm, noJob, free, standing],

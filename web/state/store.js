@@ -2,6 +2,7 @@
 // The rule: the world changes by messages of the daemon alone, never because a button was pressed.
 
 import { batch, computed, signal } from "../lib/ui.js";
+import { CLIENT } from "../net/client.js";
 import { daemon, onMessage, onStatus } from "../net/daemon.js";
 import { get } from "../net/http.js";
 import { route } from "../lib/router.js";
@@ -73,7 +74,7 @@ export const status = computed(() => (machine.value === null ? "offline" : shown
 
 /** Why something cannot be done on the chosen machine, a key of i18n, or null. @param {string} action */
 export function against(action) {
-  return whyNot(action, { machine: machine.value, job: job.value, queue: queue.value, role: role.value, live: live.value });
+  return whyNot(action, { machine: machine.value, job: job.value, queue: queue.value, role: role.value, live: live.value, client: CLIENT });
 }
 
 const NOTHING_AT_ALL = /** @type {string[]} */ ([]);
