@@ -79,6 +79,8 @@ class ProgramService:
         self._max_upload_bytes = max_upload_bytes
         self._version = version("millstream")
         self._expanding = asyncio.Lock()
+        self._in_place = asyncio.Lock()
+        """File and row of a program come together and go together: what is uploaded again while it is deleted stays."""
         self._upload_paid_at = 0.0
         """When what has been uploaded so far is paid for, in the loop's time."""
         self._checked: OrderedDict[tuple[str, str, frozenset[int] | None], dict[str, Any]] = OrderedDict()
@@ -86,12 +88,11 @@ class ProgramService:
     async def store(self, chunks: AsyncIterator[bytes], name: str) -> tuple[dict[str, Any], bool]:
         """Keep an upload; the program and whether its content is new. Raises ProblemError."""
         try:
-            info = await self._upload(chunks, name)
+            kept, created = await self._upload(chunks, name)
         except OSError as error:
             raise disk_problem(error) from error
         except NotAProgramError as error:
             raise ProblemError("not_a_program", f"{name}: {error}.") from error
-        kept, created = await self._db.run(store.add_program, self._row(info))
         if created:
             self._announce(kept, "created")
         return dict(kept), created
@@ -113,7 +114,9 @@ class ProgramService:
                 await self._pace(len(chunk))
             if writer.bytes_written == 0:
                 raise ProblemError("empty_program", f"{name} is empty.")
-            return await self._files.run(writer.finish)
+            async with self._in_place:
+                info = await self._files.run(writer.finish)
+                return await self._db.run(store.add_program, self._row(info))
         finally:
             await self._files.run(writer.abort)
 
@@ -220,10 +223,11 @@ class ProgramService:
     async def delete(self, program_id: str) -> None:
         """Forget a program. Raises ProblemError while a job needs it."""
         program = await self.get(program_id)
-        job = await self._db.run(store.delete_program, program_id)
-        if job is not None:
-            raise ProblemError("program_in_use", f"Job {job} has not ended and needs {program['name']}.")
-        await self._read(program_id, self._programs.delete, program_id)
+        async with self._in_place:
+            job = await self._db.run(store.delete_program, program_id)
+            if job is not None:
+                raise ProblemError("program_in_use", f"Job {job} has not ended and needs {program['name']}.")
+            await self._read(program_id, self._programs.delete, program_id)
         self._announce(program, "deleted")
 
     def codes(self, machine: str) -> Sequence[Mapping[str, Any]]:

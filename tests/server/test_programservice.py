@@ -12,6 +12,7 @@ from jobs.program import Writer
 from server.app import Workshop
 from server.problems import ProblemError
 from server.programservice import SOURCE_LINES, UPLOAD_AHEAD_S, UPLOAD_BYTES_S
+from server.worker import InlineWorker
 from tests.harness.simloop import run_simulated
 from tests.harness.toolpathreader import read_toolpath
 from tests.harness.workshop import MACHINE, Bench
@@ -127,6 +128,28 @@ def test_an_upload_that_is_given_up_leaves_nothing(tmp_path: Path) -> None:
         with pytest.raises(asyncio.CancelledError):
             await upload
         assert files(tmp_path) == []
+
+    told(tmp_path, story)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.05, 0.15, 0.25, 0.35])
+def test_what_is_uploaded_again_while_it_is_deleted_has_its_file(tmp_path: Path, late_s: float) -> None:
+    class Slow(InlineWorker):
+        async def run(self, fn: Any, *args: Any, **kwargs: Any) -> Any:
+            await asyncio.sleep(0.1)
+            found = fn(*args, **kwargs)
+            await asyncio.sleep(0.1)
+            return found
+
+    async def story(shop: Workshop) -> None:
+        program, _ = await shop.programs.store(chunks(GOOD), "a.nc")
+        shop.programs._files = Slow()
+        again = asyncio.create_task(shop.programs.store(chunks(GOOD), "a.nc"))
+        await asyncio.sleep(0.2 + late_s)
+        await shop.programs.delete(program["id"])
+        await again
+        rows = [row["id"] for row in await shop.programs.list()]
+        assert files(tmp_path) == [f"{id}{suffix}" for id in rows for suffix in (".idx", ".nc")]
 
     told(tmp_path, story)
 
