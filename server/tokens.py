@@ -23,6 +23,7 @@ from server.hub import rfc3339, utc_now
 from server.lifetime import lifetime
 from server.problems import ProblemError
 from server.ratelimit import Attempts
+from server.tickets import Tickets
 
 logger = logging.getLogger(__name__)
 
@@ -159,6 +160,7 @@ class TokenStore:
         self._tasks: set[asyncio.Task[None]] = set()
         self._sessions = Sessions()
         self.attempts = Attempts()
+        self._tickets = Tickets()
 
     def __len__(self) -> int:
         """How many tokens there are that are not revoked."""
@@ -208,6 +210,15 @@ class TokenStore:
         if principal is None or principal.token_id is None:
             return None
         return principal, self._sessions.begin(principal.token_id, now=now)
+
+    def ticket(self, principal: Principal) -> str:
+        """For one WebSocket of whoever asks (tickets.py)."""
+        return self._tickets.issue(principal, now=self._monotonic())
+
+    def redeem(self, ticket: str) -> Principal | None:
+        """Who comes with this ticket; None when it is not good (any more), or the token behind it is not."""
+        principal = self._tickets.redeem(ticket, now=self._monotonic())
+        return principal if principal is not None and self.still_good(principal) else None
 
     def sign_out(self, cookie: str) -> None:
         """End a session."""

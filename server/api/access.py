@@ -10,21 +10,23 @@ from fastapi import FastAPI, Path, Request
 from starlette.datastructures import Headers
 from starlette.responses import Response
 
-from server.api.accessmodels import NewTokenView, SessionRequest, SessionView, TokenRequest, TokenView
+from server.api.accessmodels import NewTokenView, SessionRequest, SessionView, TicketView, TokenRequest, TokenView
 from server.api.clientaddress import ADDRESS_KEY
 from server.api.guard import ATTEMPT_KEY, MADE_KEY, PRINCIPAL_KEY, SESSION_COOKIE, session_cookie
 from server.api.routing import Routes, json_response, principal_of
 from server.api.services import Json, Services
 from server.auth import SESSION_LIFETIME_S, Principal, Role
 from server.problems import ProblemError
+from server.tickets import LIFETIME_S
 from server.tokens import TokenError
 
 TokenId = Annotated[str, Path(pattern=r"^[0-9a-zA-Z_-]{1,64}$", description="The token's id", examples=["9f2c41aa"])]
 
 
 def install(app: FastAPI, services: Services) -> None:
-    """The routes /session and /tokens."""
+    """The routes /session, /ticket and /tokens."""
     _session(app, services)
+    _ticket(app, services)
     _tokens(app, services)
 
 
@@ -78,6 +80,16 @@ def _session(app: FastAPI, services: Services) -> None:
         response = Response(status_code=204)
         response.delete_cookie(SESSION_COOKIE, httponly=True, samesite="strict")
         return response
+
+
+def _ticket(app: FastAPI, services: Services) -> None:
+    routes = Routes(app, "access")
+
+    @routes.add("POST", "/ticket", role=Role.VIEWER, summary="Get a ticket for one WebSocket", model=TicketView)
+    async def get_ticket(request: Request) -> Response:
+        """For clients that can set neither a header nor a cookie: `/api/v1/events?ticket=…`, once, in 30 seconds."""
+        ticket = services.tokens.ticket(principal_of(request))
+        return json_response({"ticket": ticket, "expires_in_s": LIFETIME_S})
 
 
 def _tokens(app: FastAPI, services: Services) -> None:

@@ -136,3 +136,11 @@ class ControlView(BaseModel):
     machine: str
     holder: HolderView | None
     yours: bool
+
+
+class TicketView(BaseModel):
+    """A ticket for one WebSocket; good once, for so many seconds."""
+
+    model_config = example(ticket="tPw0…", expires_in_s=30.0)
+    ticket: str
+    expires_in_s: float

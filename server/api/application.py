@@ -53,10 +53,14 @@ def build(services: Services) -> FastAPI:
         return app.state.leases.use(machine, client_of(request.scope)) if known else nullcontext()
 
     app.state.control = controlled
+    def redeem(ticket: str) -> Principal | None:
+        return services.tokens.redeem(ticket)
+
     app.add_middleware(
         Guard,
         hosts=HostRule(settings.host, settings.allowed_hosts),
         identify=identify,
+        redeem=redeem,
         proxies=Proxies(settings.trusted_proxies),
         record=Trail(lambda: services.audit).request,
     )

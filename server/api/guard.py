@@ -10,7 +10,7 @@ import socket
 from collections.abc import Callable, Iterable
 from http.cookies import CookieError, SimpleCookie
 from typing import Protocol
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
@@ -49,6 +49,16 @@ SECURITY_HEADERS = {
     "X-Frame-Options": "DENY",
     "Permissions-Policy": "camera=(), microphone=(), geolocation=(), usb=(), serial=()",
 }
+
+
+TICKET = "ticket"
+"""The parameter of a WebSocket's address that stands for a token once."""
+
+
+class Redeem(Protocol):
+    """`TokenStore.redeem`."""
+
+    def __call__(self, ticket: str, /) -> Principal | None: ...
 
 
 class Identify(Protocol):
@@ -122,12 +132,14 @@ class Guard:
         *,
         hosts: HostRule,
         identify: Identify,
+        redeem: Redeem = lambda _ticket: None,
         proxies: Proxies | None = None,
         record: Record = lambda _scope, _status: None,
     ) -> None:
         self._app = app
         self._hosts = hosts
         self._identify = identify
+        self._redeem = redeem
         self._proxies = proxies or Proxies()
         self._record = record
 
@@ -157,6 +169,8 @@ class Guard:
         secret = bearer(headers)
         scope[ATTEMPT_KEY] = secret is not None
         address = scope[ADDRESS_KEY] = self._proxies.address_of(scope)
+        if scope["type"] == "websocket" and (ticket := take_ticket(scope)) is not None:
+            return self._redeem(ticket) or NOBODY
         return await self._identify(bearer=secret, cookie=session_cookie(headers), address=address) or NOBODY
 
     def _check_site(self, scope: Scope, headers: Headers) -> None:
@@ -212,6 +226,17 @@ class _Answer:
             if "cache-control" not in headers:
                 headers["Cache-Control"] = "no-store"
         await self._send(message)
+
+
+def take_ticket(scope: Scope) -> str | None:
+    """The ticket in the address of a WebSocket, which does not stand there any more: the server logs addresses."""
+    text: str = scope["query_string"].decode("latin-1")
+    query = parse_qsl(text, keep_blank_values=True)
+    tickets = [value for name, value in query if name == TICKET]
+    if not tickets:
+        return None
+    scope["query_string"] = urlencode([(name, value) for name, value in query if name != TICKET]).encode()
+    return tickets[0]
 
 
 def bearer(headers: Headers) -> str | None:

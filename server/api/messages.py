@@ -126,7 +126,8 @@ SOCKET_TEXT = """\
 
 Needs the role `viewer` (a bearer token, or the session cookie). Query: `topics=state,job`, `machines=router`,
 `rate=20` (most state messages a second), `since=SEQ` (the largest `seq` seen before a reconnect), `client=ID` (as the
-header `Millstream-Client`: tells those apart who share a token).
+header `Millstream-Client`: tells those apart who share a token), `ticket=` (of `POST /api/v1/ticket`, in the place of a
+token).
 
 Every message of the server is `{"seq", "type", "machine", "at", "data"}`. The first is `hello`; its `data` holds
 `machines`, `jobs` and `queues` (by machine) as they are now, and `resync`: false when everything since `since` follows,
