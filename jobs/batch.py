@@ -7,9 +7,8 @@ before it began (elvinto §5.4).
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import chain, islice
+from itertools import islice
 from math import isnan
-from operator import attrgetter
 from typing import Protocol, Self
 
 from gcode.held import Held, state_of
@@ -21,9 +20,6 @@ from jobs.toolblocks import ToolBlocks
 from jobs.upcoming import LINES_AT_ONCE, BlockReader, PlanError, Rules, Upcoming
 from protocol.commands import Position
 from protocol.errors import LocalError
-
-_COLUMNS = attrgetter("line", "text", "seconds", "moves", "part", "io", "reach_mm")
-"""Of a block, what a batch has of each of its blocks."""
 
 Place = tuple[float, ...]
 """Program coordinates in the order of the state's axes, NaN where one is not known."""
@@ -327,29 +323,29 @@ class BatchPlanner:
         start, barrier = self._before, first.barrier
         assert start is not None
         self._previous_start, self._before = start, last.end
-        lines, texts, seconds, moves, parts, io, reaches_mm = zip(*map(_COLUMNS, items), strict=True)
-        in_row = lines == tuple(range(first.line, first.line + len(lines) + len(first.behind)))
+        lines = [item.line for item in items]
         if first.behind:
-            lines += (first.line,) * len(first.behind)
+            lines += [first.line] * len(first.behind)
+        plain = not any(item.part or item.io for item in items)  # nearly all are: one look at each is enough
         return PlannedBatch(
             first_line=first.line,
             last_line=last.line,
-            blocks=(*texts, *first.behind),
-            seconds=sum(seconds),
+            blocks=(*[item.text for item in items], *first.behind),
+            seconds=sum([item.seconds for item in items]),
             start=self._position(start),
             end=self._position(last.end),
             barrier=barrier is not None,
             locate_after=barrier is not None and barrier.locate,
             ends_program=barrier is not None and barrier.ends_program,
             tool=first.tool,
-            motion=any(moves),
+            motion=any(item.moves for item in items),
             tool_change=barrier is not None and barrier.tool_change,
-            lines=() if in_row else lines,
-            parts=parts if any(parts) else (),
+            lines=() if lines == [*range(first.line, first.line + len(lines))] else tuple(lines),
+            parts=tuple([item.part for item in items]) if not plain and any(item.part for item in items) else (),
             pauses=barrier is not None and barrier.pauses,
-            io=tuple(chain.from_iterable(io)),
+            io=() if plain else tuple([word for item in items for word in item.io]),
             set_tool=None if barrier is None else barrier.set_tool,
-            reach_mm=(*reaches_mm, *[0.0] * len(first.behind)),
+            reach_mm=(*[item.reach_mm for item in items], *[0.0] * len(first.behind)),
         )
 
     def _position(self, place: Place) -> Position:

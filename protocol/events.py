@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from protocol.commands import Position
+from protocol.setting import SettingDescription
 
 Status = Literal["offline", "idle", "run", "hold", "jog", "alarm", "home", "check", "door", "sleep", "tool"]
 
@@ -213,20 +214,6 @@ class SettingsRead:
 
     token: int | None
     values: Mapping[int, str]
-
-
-@dataclass(frozen=True, slots=True)
-class SettingDescription:
-    """What a controller says of one of its settings. `datatype` and `form` as grblHAL has them; None: no limit."""
-
-    number: int
-    name: str
-    unit: str
-    datatype: int | None
-    form: str
-    minimum: float | None
-    maximum: float | None
-    reboot: bool
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,12 +33,12 @@ from protocol.events import (
     FirmwareRead,
     ModalRead,
     OffsetsRead,
-    SettingDescription,
     SettingsRead,
     StartupBlocksRead,
     Status,
 )
 from protocol.grbl import codes
+from protocol.setting import SettingDescription
 from server.controller import Controller
 from server.manual import Answer, Make
 from server.problems import ProblemError

@@ -39,7 +39,6 @@ from protocol.events import (
     ModalRead,
     OffsetsRead,
     ProbeReported,
-    SettingDescription,
     SettingsRead,
     StartupBlocksRead,
 )
@@ -62,6 +61,7 @@ from protocol.grbl.messages import (
     Version,
 )
 from protocol.grbl.reports import AXES
+from protocol.setting import SettingDescription
 
 MAX_HEARD: Final = 2000
 """Rows kept of one answer: a grblHAL has some 300 settings; a controller that babbles must not fill memory."""

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-from protocol.events import SettingDescription
+from protocol.setting import SettingDescription
 
 Kind: TypeAlias = Literal["bool", "mask", "integer", "number", "text"]
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from protocol.events import SettingDescription
+from protocol.setting import SettingDescription
 from server.enquiries import Enquiries
 from server.problems import ProblemError
 from tests.harness.panelbench import PanelBench, bench, refusal

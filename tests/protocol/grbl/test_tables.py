@@ -2,9 +2,9 @@
 
 import pytest
 
-from protocol.events import SettingDescription
 from protocol.grbl import codes, realtime
 from protocol.grbl.settings import SETTINGS, described, known, of_grblhal
+from protocol.setting import SettingDescription
 
 GRBL_ERRORS = {*range(1, 18), *range(20, 39)}
 GRBLHAL_ERRORS = {18, 19, *range(39, 59), *range(60, 67), 70, *range(71, 77), 77, 78, 79, *range(80, 93), 253}
