@@ -84,9 +84,9 @@ class Executor:
     def note(
         self, work: Work, code: str, message: str, letter: str = "", level: Literal["error", "warning"] = "error"
     ) -> None:
-        """Something is wrong with this block, at the word of `letter` where there is one."""
+        """Something is wrong with this block, at the word of `letter` (or of a code, "G41") where there is one."""
         words = work.block.words
-        column = next((word.column for word in reversed(words) if word.letter == letter), 1)
+        column = next((word.column for word in reversed(words) if letter in (word.letter, word.code)), 1)
         self.notes.append(Note(work.line, column, code, message, level))
 
     def length(self, work: Work, letter: str) -> float | None:
@@ -246,15 +246,17 @@ class Executor:
         state.compensation = side
         radius = state.radius
         at = state.position
+        name = next((code.name for code in work.codes if code.sets.startswith("compensation_")), "")
         if radius is None:
-            self.note(work, "compensation", f"G{side}: the radius of the tool is not known", "D")
+            where = "D" if "D" in work.values else name
+            self.note(work, "compensation", f"{name}: the radius of the tool is not known", where)
             return
         if self._compensator is None:
             self._compensator, self._tool_at = Compensator(state.axes), at
         try:
             self._compensator.begin(work.line, LEFT if side == 41 else RIGHT, radius, at, state.plane)
         except CompensationFault as fault:
-            self.note(work, fault.code, fault.message)
+            self.note(work, fault.code, fault.message, name)
             self._guided(fault.moves)
 
     def end_compensation(self, *, entirely: bool = False) -> None:

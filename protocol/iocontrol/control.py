@@ -68,14 +68,14 @@ class IoControl(IoView):
 
     def next_timer(self) -> float | None:
         """The earliest deadline, in the caller's seconds."""
-        times = (self._handshake.wait.deadline_at, self._estop.pulse_until, self._link.deadline_at)
+        times = (self._handshake.wait.deadline_at, self._estop.reset_until, self._link.deadline_at)
         return min((at for at in times if at is not None), default=None)
 
     def handle_timer(self, now: float) -> None:
         """That deadline has come (calling early is harmless)."""
         self._board.now = now
-        if self._estop.pulse_until is not None and self._estop.pulse_until <= now:
-            self._estop.end_pulse(self._level(Pin.EMC_ENABLE_IN))
+        if self._estop.reset_until is not None and self._estop.reset_until <= now:
+            self._estop.end_wait(self._level(Pin.EMC_ENABLE_IN))
         if self._link.deadline_at is not None and self._link.deadline_at <= now:
             self._link.time_out()
         if (deadline_at := self._handshake.wait.deadline_at) is not None and deadline_at <= now:

@@ -19,7 +19,7 @@ network needs its way there and back; longer than a person looks at the key the 
 
 
 class EStopChain:
-    """`pulse_s` is the length of the pulse of user-request-enable, in seconds. `pulse_until` is its end, and then,
+    """`pulse_s` is the length of the pulse of user-request-enable, in seconds. `reset_until` is its end, and then,
     while the chain is still open, that of the reset."""
 
     def __init__(self, board: Board, handshake: Handshake, latch: FaultLatch, *, pulse_s: float, stopped: bool) -> None:
@@ -28,7 +28,7 @@ class EStopChain:
         self._latch = latch
         self._pulse_s = pulse_s
         self._region = Region("e-stop", ESTOP, EStop.USER if stopped else EStop.ENABLED)
-        self.pulse_until: float | None = None
+        self.reset_until: float | None = None
         board.put(Pin.USER_ENABLE_OUT, not stopped)
 
     @property
@@ -47,7 +47,7 @@ class EStopChain:
         self._board.next_step()
         self._board.put(Pin.USER_ENABLE_OUT, False)
         self._board.put(Pin.USER_REQUEST_ENABLE, False)
-        self.pulse_until = None
+        self.reset_until = None
         self._handshake.drop_outputs()
         self._latch.clear("estop")
         self._board.go(self._region, EStopTrigger.PRESSED)
@@ -74,7 +74,7 @@ class EStopChain:
         self._board.next_step()
         self._board.put(Pin.USER_ENABLE_OUT, True)
         self._board.put(Pin.USER_REQUEST_ENABLE, True)
-        self.pulse_until = self._board.now + self._pulse_s
+        self.reset_until = self._board.now + self._pulse_s
         self._board.go(self._region, EStopTrigger.RESET)
         if fault_line and not self._latch.faulted:
             self._latch.set(int(self._board[Pin.TOOLCHANGER_REASON]))
@@ -84,20 +84,20 @@ class EStopChain:
     def close(self) -> None:
         """The chain is closed, and a reset was asked for. The pulse has its length all the same."""
         if not self._board[Pin.USER_REQUEST_ENABLE]:
-            self.pulse_until = None
+            self.reset_until = None
         self._board.go(self._region, EStopTrigger.CLOSED)
         self._board.emit(EStopCleared())
 
-    def end_pulse(self, chain: bool | None) -> None:
-        """The pulse is over, or the time for the chain. `chain`: emc-enable-in, None where its driver is not
-        connected: then there is nothing to wait for."""
-        self.pulse_until = None
+    def end_wait(self, chain: bool | None) -> None:
+        """The pulse is over, or the time for the chain: `reset_until`. `chain`: emc-enable-in, None where its driver is
+        not connected: then there is nothing to wait for."""
+        self.reset_until = None
         pulsed = bool(self._board[Pin.USER_REQUEST_ENABLE])
         self._board.next_step()
         self._board.put(Pin.USER_REQUEST_ENABLE, False)
         if self.state is EStop.RESETTING:
             if pulsed and chain is not None and self._pulse_s < CHAIN_WITHIN_S:
-                self.pulse_until = self._board.now + CHAIN_WITHIN_S - self._pulse_s
+                self.reset_until = self._board.now + CHAIN_WITHIN_S - self._pulse_s
                 return
             self._board.go(self._region, EStopTrigger.GIVEN_UP)
             why = "the external chain is open (emc-enable-in is FALSE)"

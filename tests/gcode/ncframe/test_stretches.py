@@ -150,6 +150,34 @@ def test_a_long_plain_program_does_not_go_block_by_block(monkeypatch: pytest.Mon
     assert len(stepped) < 60, stepped
 
 
+def test_a_long_contour_does_not_go_block_by_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
+    stepped: list[int] = []
+    step = Translator.step
+
+    def counted(self: Translator, line: int, block: Block) -> list[Frame]:
+        stepped.append(line)
+        return step(self, line, block)
+
+    monkeypatch.setattr(Translator, "step", counted)
+    contour = [
+        f"G1 X{20 + n % 2 * 3} Z{-4 * n}" if n % 3 else f"G3 X{20 + n % 2 * 3} Z{-4 * n} R9" for n in range(1, 900)
+    ]
+    lines = ["G42 G1 X20 Z0 F100", *contour, "G40 G1 X90", "M30"]
+    assert (
+        first_error(enumerate((line.encode() for line in lines), 1), LATHE, FrameRules(tool_radius_mm=0.4), ORIGIN)
+        is None
+    )
+    assert len(stepped) < 60, stepped
+
+
+@pytest.mark.parametrize(("line", "column"), [("F9 G41 X5 Z5", 4), ("G1 G42 X5 D7", 11)])
+def test_a_radius_that_is_not_known_is_said_where_it_is_asked_for(line: str, column: int) -> None:
+    found = first_error([(1, line.encode())], LATHE, FrameRules(tools={1: 0.4}), ORIGIN)
+    assert found is not None
+    assert (found.column, "the radius of the tool is not known" in found.message) == (column, True)
+
+
 @given(st.lists(st.floats(0, 400) | st.sampled_from((float("nan"), float("inf"), -1.0, 255.0, 0.5, 255.0000000001))))
 @quick
 def test_the_feeds_that_have_bytes_are_those_that_raise_nothing(feeds: list[float]) -> None:
