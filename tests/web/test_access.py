@@ -81,7 +81,15 @@ def test_every_view_of_a_grbl(grbl: Daemon, screens: Callable[..., Screen]) -> N
     expect(one.page.locator("#setting-110")).to_be_visible()
     look = Look(one)
     look.here("settings")
-    look.at("mill/machine", "mill/settings/offsets", "mill/settings/controller")
+    backup = {"id": 1, "at": "2026-03-01T09:30:00Z", "why": "change", "made_by": "Ann", "not_compared": None}
+    differences = [{"number": 110, "name": "X rate", "before": "500", "value": "777"}]
+    one.page.route("**/settings/backups", lambda route: route.fulfill(json=[backup]))
+    one.page.route("**/backups/1", lambda route: route.fulfill(json={**backup, "differences": differences}))
+    one.page.reload()
+    look.dialog("backup", lambda: one.named("backups").get_by_role("button").click())
+    look.at("mill/machine", "mill/settings/controller", "mill/settings/offsets")
+    look.dialog("offset", lambda: one.press("offset-G54"))
+    one.go("mill/settings/controller")
     look.dialog("defaults-ask", lambda: one.press("defaults-settings"))
     look.well()
 

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from sim.elvinto.settings import SimSettings
-from tests.harness.browser import DESK, PHONE, TABLET, Screen, topmost
+from tests.harness.browser import DESK, PHONE, TABLET, Screen, serious, topmost
 from tests.harness.process import Daemon, daemon, live_mill, until
 
 pytestmark = pytest.mark.real
@@ -28,6 +28,7 @@ def test_a_tool_change_is_asked_on_every_screen_and_one_answer_closes_it(
         expect(one.named("call")).to_contain_text("Put in tool 3")
         one.status("tool")
     assert mill.get(f"/jobs/{job}")["status"] == "waiting"
+    assert serious(here.page) == []
     there.page.keyboard.press("Escape")
     expect(there.named("call-strip")).to_contain_text("Put in tool 3")
     assert mill.get(f"/jobs/{job}")["status"] == "waiting", "putting it aside answers nothing"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import expect
 
-from tests.harness.browser import Screen
+from tests.harness.browser import Screen, serious
 from tests.harness.process import Daemon, until
 
 pytestmark = pytest.mark.real
@@ -119,6 +119,7 @@ def test_one_moves_the_machine_the_others_see_who_and_may_take_over(
     other.press("reset")  # which is not held back before, and asks
     expect(other.named("ask-takeover")).to_contain_text(holder)
     other.allowed.append("status of 409")
+    assert serious(other.page) == []
     other.press("takeover-yes")
     expect(other.named("control")).to_contain_text("You move this machine")
     expect(person.named("jog-why")).to_have_text("another one moves it")

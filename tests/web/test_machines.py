@@ -3,13 +3,12 @@
 import json
 import re
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, expect
 from websockets.sync.client import connect
 
-from tests.harness.browser import PHONE, Screen, topmost, unheld
+from tests.harness.browser import PHONE, Screen, serious, topmost, unheld
 from tests.harness.process import Daemon, daemon, until
 
 pytestmark = pytest.mark.real
@@ -17,7 +16,7 @@ pytestmark = pytest.mark.real
 SECOND = """
 [[machine]]
 name = "lathe"
-port = "sim:?speed_factor=4"
+port = "sim:?speed_factor=4&sd=CARD"
 [[machine]]
 name = "saw"
 port = "sim:?speed_factor=4"
@@ -41,7 +40,11 @@ COUNT_TONES = """
 @pytest.fixture(scope="module")
 def shop(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
     """A mill, a lathe, and a saw whose tools a device changes."""
-    with daemon(tmp_path_factory.mktemp("shop"), "sim:?speed_factor=4", elvinto=SECOND) as one:
+    folder = tmp_path_factory.mktemp("shop")
+    card = folder / "card"
+    card.mkdir()
+    (card / "part1.nc").write_text("G21 G90\nG1 X9 F3000\nM30\n")
+    with daemon(folder, "sim:?speed_factor=4", elvinto=SECOND.replace("CARD", str(card))) as one:
         until(lambda: all(machine["link"] == "connected" for machine in one.get("/machines")))
         yield unheld(one)
 
@@ -93,6 +96,8 @@ def test_the_pins_of_a_changer_are_driven_by_hand_until_it_is_there_itself(
     def drive(pin: str) -> None:
         one.press(f"drive-{pin}")
         assert not topmost(one.page, f"[data-name=drive-{pin}]"), "asked for once more"
+        if pin == "toolchanger-fault":
+            assert serious(one.page) == []
         one.press("drive-yes")
         expect(one.named("ask-drive")).to_have_count(0)
 
@@ -123,22 +128,16 @@ def test_the_pins_of_a_changer_are_driven_by_hand_until_it_is_there_itself(
     expect(one.named("tools-connected")).to_contain_text("no")
 
 
-def test_the_card_is_read_when_asked_and_a_file_of_it_runs(
-    browser: Browser, tmp_path: Path, screens: Callable[..., Screen]
-) -> None:
-    card = tmp_path / "card"
-    card.mkdir()
-    (card / "part1.nc").write_text("G21 G90\nG1 X9 F3000\nM30\n")
-    with daemon(tmp_path, f"sim:?speed_factor=4&sd={card}") as own:
-        one = screens(own.connected().url)
-        one.go("mill/card")
-        expect(one.page.get_by_text("part1.nc")).to_have_count(0)
-        one.press("read-card")
-        row = one.page.locator("li", has_text="part1.nc")
-        expect(row).to_be_visible()
-        row.get_by_role("button").click()
-        expect(one.page).to_have_url(re.compile("/machine$"))
-        until(lambda: own.get("/machines/mill/state")["position"]["work"]["x"] == 9)
+def test_the_card_is_read_when_asked_and_a_file_of_it_runs(shop: Daemon, screens: Callable[..., Screen]) -> None:
+    one = screens(shop.url)
+    one.go("lathe/card")
+    expect(one.page.get_by_text("part1.nc")).to_have_count(0)
+    one.press("read-card")
+    row = one.page.locator("li", has_text="part1.nc")
+    expect(row).to_be_visible()
+    row.get_by_role("button").click()
+    expect(one.page).to_have_url(re.compile("/lathe/machine$"))
+    until(lambda: shop.get("/machines/lathe/state")["position"]["work"]["x"] == 9)
 
 
 def test_a_call_rings_until_it_is_answered_and_not_where_the_sound_is_off(
