@@ -32,6 +32,7 @@ from server.outbound.counters import Counters
 from server.panel import Panel
 from server.plans import RATELESS, Planning, Workpiece
 from server.programservice import ProgramService
+from server.room import Room
 from server.serialport import Opener, PortOpener
 from server.starting import Background, Starter
 from server.tokens import TokenStore
@@ -119,6 +120,7 @@ class Workshop:
             pieces=pieces,
             tools=lambda name: self.changers[name].known_tools,
             max_upload_bytes=config.server.max_upload_bytes,
+            room=Room(folder, config.limits),
         )
         self.machines = {machine.name: await self._controller(machine) for machine in config.machine}
         self.panels = {name: Panel(one, db=self.db, clock=parts.clock) for name, one in self.machines.items()}

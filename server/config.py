@@ -21,6 +21,7 @@ from server.changeposition import fault_of
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
 from server.historyconfig import HistoryConfig
+from server.limitsconfig import LimitsConfig
 from server.motionconfig import MotionConfig
 from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
@@ -209,6 +210,7 @@ class Config(Section):
     server: ServerConfig = ServerConfig()
     history: HistoryConfig = HistoryConfig()
     audit: AuditConfig = AuditConfig()
+    limits: LimitsConfig = LimitsConfig()
     machine: Annotated[tuple[MachineConfig, ...], BeforeValidator(as_tuple), Allowed("[[machine]] sections")] = ()
     mtconnect: MtconnectConfig = MtconnectConfig()
     mqtt: MqttConfig = MqttConfig()

@@ -27,6 +27,7 @@ from server.dbthread import Db
 from server.hub import Hub
 from server.plans import Planning, Workpiece
 from server.problems import ProblemError
+from server.room import LOOK_EVERY_BYTES, Room, stored_bytes
 from server.toolpaths import Reader, Toolpath, Toolpaths
 from server.worker import Worker
 
@@ -65,6 +66,7 @@ class ProgramService:
         pieces: Mapping[str, Workpiece],
         tools: Callable[[str], frozenset[int] | None],
         max_upload_bytes: int,
+        room: Room | None = None,
     ) -> None:
         self._programs = programs
         self._planning = Planning(programs)
@@ -77,6 +79,7 @@ class ProgramService:
         self._pieces = pieces
         self._tools = tools
         self._max_upload_bytes = max_upload_bytes
+        self._room = room
         self._version = version("millstream")
         self._expanding = asyncio.Lock()
         self._in_place = asyncio.Lock()
@@ -104,9 +107,16 @@ class ProgramService:
         self._hub.publish("program", None, {"id": row["id"], "name": row["name"], "action": action})
 
     async def _upload(self, chunks: AsyncIterator[bytes], name: str) -> Any:
+        stored = await self._check_room()
         writer = await self._files.run(self._programs.writer, name)
+        look_at = LOOK_EVERY_BYTES
         try:
             async for chunk in chunks:
+                if self._room is not None:
+                    self._room.check_total(stored, writer.bytes_written + len(chunk))
+                if writer.bytes_written >= look_at:
+                    look_at += LOOK_EVERY_BYTES
+                    await self._check_room()
                 if writer.bytes_written + len(chunk) > self._max_upload_bytes:
                     limit = self._max_upload_bytes
                     raise ProblemError("too_large", f"{name} has more than {limit} bytes (server.max_upload_bytes).")
@@ -119,6 +129,15 @@ class ProgramService:
                 return await self._db.run(store.add_program, self._row(info))
         finally:
             await self._files.run(writer.abort)
+
+    async def _check_room(self) -> int:
+        """What all programs take now. Raises ProblemError when there is no room for more."""
+        if self._room is None:
+            return 0
+        await self._files.run(self._room.check_disk)
+        stored = await self._db.run(stored_bytes)
+        self._room.check_total(stored, 1)
+        return stored
 
     async def _pace(self, size_bytes: int) -> None:
         """Leave the loop to the others for as long as these bytes may take."""
@@ -187,6 +206,7 @@ class ProgramService:
         return dict(kept)
 
     async def _expand(self, source: str, name: str, worker: Worker) -> ProgramInfo:
+        await self._check_room()
         try:
             made: ProgramInfo = await self._read(
                 source,

@@ -8,6 +8,7 @@ import asyncio
 import json
 import logging
 from collections.abc import Awaitable, Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,7 @@ from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from server.api.audittrail import Trail
+from server.api.clientaddress import ADDRESS_KEY
 from server.api.control import client_of
 from server.api.guard import PRINCIPAL_KEY
 from server.api.machines import find
@@ -29,6 +31,7 @@ from server.hub import Hub
 from server.jsontext import dumps
 from server.lease import Client, Leases
 from server.problems import ProblemError
+from server.socketlimit import SocketLimit
 from server.subscription import Subscription
 from server.textframe import text_frame
 from server.wsaudit import MessageTrail
@@ -358,18 +361,21 @@ def install(app: FastAPI, services: Services, leases: Leases) -> None:
     """The route of the WebSocket."""
     held = HeldJogs(lambda name: find(services, name))
     trail = Trail(lambda: services.audit)
+    limit = SocketLimit(lambda: services.config.limits)
 
     @requires(Role.VIEWER)
     async def events(socket: WebSocket) -> None:
         principal = socket.scope[PRINCIPAL_KEY]
-        try:
-            admit(principal, Role.VIEWER)
-            query = _query(socket)
-            client = client_of(socket.scope)
-        except ProblemError as problem:
-            await refuse_socket(socket, problem)
-            return
-        await EventSocket(socket, services, held, principal, trail, leases, client).run(query)
+        with ExitStack() as place:
+            try:
+                admit(principal, Role.VIEWER)
+                query = _query(socket)
+                client = client_of(socket.scope)
+                place.enter_context(limit.one(socket.scope[ADDRESS_KEY]))
+            except ProblemError as problem:
+                await refuse_socket(socket, problem)
+                return
+            await EventSocket(socket, services, held, principal, trail, leases, client).run(query)
 
     app.router.add_api_websocket_route("/api/v1/events", events)
 

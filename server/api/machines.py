@@ -167,11 +167,14 @@ def _by_hand(app: FastAPI, services: Services) -> None:
         role=Role.OPERATOR,
         summary="Run blocks by hand",
         model=CommandsResult,
-        errors=NEEDS_IDLE,
+        errors=(*NEEDS_IDLE, "too_many_blocks"),
         by_hand=True,
     )
     async def run_commands(m: MachineName, body: CommandsRequest) -> Response:
         """Possible when no job runs. Answers when the blocks are executed, with a result for each."""
+        if len(body.blocks) > (most := services.config.limits.blocks_per_command):
+            detail = f"{len(body.blocks)} blocks; limits.blocks_per_command allows {most}. Send more as a program."
+            raise ProblemError("too_many_blocks", detail)
         return json_response({"results": await find(services, m).run_blocks(body.blocks)})
 
     @routes.add(

@@ -65,7 +65,7 @@ def _upload(app: FastAPI, services: Services) -> None:
         model=ProgramView,
         status=201,
         streamed=True,
-        errors=("too_large", "disk_full", "not_a_program", "empty_program"),
+        errors=("too_large", "programs_full", "disk_full", "not_a_program", "empty_program"),
         openapi_extra=UPLOAD_BODY,
     )
     async def upload_program(

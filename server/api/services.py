@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol
 from protocol.commands import OnError
 from server.audit import Audit
 from server.hub import Hub
+from server.limitsconfig import LimitsConfig
 from server.metrics import MachineMetrics
 from server.outbound.counters import Counters
 from server.reentryconfig import AS_CONFIGURED, ReentryWish
@@ -177,6 +178,8 @@ class Settings(Protocol):
 
     @property
     def server(self) -> ServerSettings: ...
+    @property
+    def limits(self) -> LimitsConfig: ...
 
 
 class Services(Protocol):

@@ -129,6 +129,7 @@ def program_name(*candidates: str | None) -> str:
     if given is None:
         raise ProblemError("invalid_request", "Give the program a name: POST /api/v1/programs?name=part.nc")
     name = given.replace("\\", "/").rpartition("/")[2].strip()
-    if not 0 < len(name) <= MAX_NAME_CHARS or not name.isprintable():
+    # Not printable: what steers a terminal, and what turns the direction of a text, too (U+202E hides a real ending).
+    if not 0 < len(name) <= MAX_NAME_CHARS or not name.isprintable() or not name.strip("."):
         raise ProblemError("invalid_request", f"A program's name is 1 to {MAX_NAME_CHARS} printable characters.")
     return name

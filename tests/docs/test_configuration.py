@@ -14,6 +14,7 @@ from server.configfile import describe
 from server.elvintoconfig import ElvintoConfig
 from server.grblconfig import GrblConfig
 from server.historyconfig import HistoryConfig
+from server.limitsconfig import LimitsConfig
 from server.motionconfig import MotionConfig
 from server.ncframeconfig import NcFrameConfig
 from server.reentryconfig import ReentryConfig
@@ -34,6 +35,7 @@ SECTIONS: list[tuple[str, type[BaseModel]]] = [
     ("## `[server]`", ServerConfig),
     ("## `[history]`", HistoryConfig),
     ("## `[audit]`", AuditConfig),
+    ("## `[limits]`", LimitsConfig),
     ("## `[[machine]]`", MachineConfig),
     ("## `[machine.elvinto]`", ElvintoConfig),
     ("## `[machine.grbl]`", GrblConfig),

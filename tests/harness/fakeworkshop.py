@@ -24,6 +24,7 @@ from server.audit import Audit
 from server.clock import WallClock
 from server.dbthread import Db
 from server.hub import Hub
+from server.limitsconfig import LimitsConfig
 from server.metrics import MachineMetrics
 from server.outbound.counters import Counters
 from server.problems import ProblemError
@@ -283,6 +284,7 @@ class FakeServerSettings:
 @dataclass(frozen=True)
 class FakeConfig:
     server: FakeServerSettings = field(default_factory=FakeServerSettings)
+    limits: LimitsConfig = LimitsConfig()  # noqa: RUF009 - frozen
 
 
 class MemoryDatabase:

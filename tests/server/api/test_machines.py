@@ -3,8 +3,9 @@ from typing import Any
 import pytest
 
 from server.api.machinemodels import MAX_BLOCK_CHARS, MAX_BLOCKS, ConsoleLine, FilesView, MachineView, StateView
+from server.limitsconfig import LimitsConfig
 from server.problems import ProblemError
-from tests.harness.fakeworkshop import FakeWorkshop
+from tests.harness.fakeworkshop import FakeConfig, FakeWorkshop
 from tests.harness.simloop import run_simulated as run
 
 ROUTER = "/api/v1/machines/router"
@@ -138,3 +139,15 @@ def test_the_codes_of_the_profile() -> None:
     status, body, _ = ask("GET", f"{ROUTER}/codes")
     assert (status, body) == (200, [{"code": "G0", "text": ""}])
     assert ask("GET", "/api/v1/machines/nobody/codes")[0] == 404
+
+
+def test_blocks_of_one_command_are_bounded() -> None:
+    async def main() -> None:
+        async with FakeWorkshop() as workshop, workshop.client() as client:
+            workshop.config = FakeConfig(limits=LimitsConfig(blocks_per_command=2))
+            answer = await client.post("/api/v1/machines/router/commands", json={"blocks": ["G0"] * 3})
+            assert (answer.status_code, answer.json()["code"]) == (422, "too_many_blocks")
+            assert "limits.blocks_per_command" in answer.json()["detail"]
+            assert workshop.router.calls == []
+
+    run(main())

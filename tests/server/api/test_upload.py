@@ -114,3 +114,36 @@ def test_names(candidates: tuple[str | None, ...], name: str) -> None:
 def test_names_that_are_refused(name: str | None) -> None:
     with pytest.raises(ProblemError):
         program_name(name)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        ".",
+        "..",
+        "../..",
+        "a/..",
+        "a\\..",
+        "...",
+        "x\x00.nc",
+        "x\n.nc",
+        "x\u202egpj.nc",
+        "x\x1b[2J",
+        "x" * 300,
+        " ",
+        "/",
+    ],
+)
+def test_names_that_are_refused_whatever_they_would_do(name: str) -> None:
+    with pytest.raises(ProblemError) as refused:
+        program_name(name)
+    assert refused.value.code == "invalid_request"
+
+
+@pytest.mark.parametrize(
+    ("name", "kept"),
+    [("/etc/passwd", "passwd"), ("..\\..\\part.nc", "part.nc"), ("CON", "CON"), ("aux.nc", "aux.nc"), ("=1+1", "=1+1")],
+)
+def test_a_name_is_for_people_alone(name: str, kept: str) -> None:
+    """Files are stored under their hash, so the name of a device, or of a formula, is a name."""
+    assert program_name(name) == kept
