@@ -13,6 +13,7 @@ import { Button } from "../parts/button.js";
 const SHOWN = 200;
 const AGAIN_MS = 2000; // while the job is at work
 const PAGE = 10_000; // as many rows as the daemon answers at once
+const HASH = /^[0-9a-f]{16,}$/; // tells people nothing; the files have it
 const COLUMNS = {
   batches: ["seq", "wire_id", "line_from", "line_to", "blocks", "seconds", "status", "attempts", "inferred", "planned_at", "sent_at", "received_at", "ok_at"],
   events: ["id", "at", "machine", "job", "type", "data", "hash"],
@@ -88,7 +89,7 @@ function Events({ rows }) {
 /** A dump of frames is for the file. @param {any} event */
 function said({ type, data }) {
   if (type === "frames") return t("journal.frames", { count: data.frames?.length ?? 0 });
-  return Object.entries(data).filter(([key, value]) => value !== null && key !== "program") // a hash tells people nothing
+  return Object.entries(data).filter(([key, value]) => value !== null && key !== "program" && !HASH.test(String(value)))
     .map(([key, value]) => `${key} ${typeof value === "object" ? JSON.stringify(value) : value}`).join(" · ");
 }
 
