@@ -1,10 +1,13 @@
 """token create, list and revoke, on the database of a daemon that does not run."""
 
 import json
+from contextlib import closing
 from pathlib import Path
 
 import pytest
+from sqlite_utils import Database
 
+from server.audit import faults
 from tests.server.cli.conftest import Outcome, Run
 
 
@@ -67,3 +70,21 @@ def test_a_database_that_is_none_is_told(millstream: Run, tmp_path: Path) -> Non
     outcome = millstream("token", "list", environ={"MILLSTREAM_SERVER__DATA_DIR": str(tmp_path)})
     assert outcome.code == 1
     assert "the database cannot be used" in outcome.err
+
+
+def test_a_token_that_ends_by_itself(token: Run) -> None:
+    made = token("create", "--expires", "90d", "--json")
+    assert json.loads(made.out)["expires_at"] > json.loads(made.out)["created_at"]
+    assert json.loads(made.out)["expires_at"][:10] in token("list").out
+    assert token("create", "--expires", "soon").code == 2
+
+
+def test_what_is_done_with_tokens_here_stands_in_the_audit(token: Run, tmp_path: Path) -> None:
+    made = json.loads(token("create", "--json").out)
+    token("revoke", made["id"])
+    with closing(Database(tmp_path / "data" / "millstream.db")) as db:
+        rows = list(db.query("select via, method, route, target, name from audit order by id"))
+        assert list(faults(db)) == []
+    told = [("command line", "COMMAND", f"token {verb}", made["id"]) for verb in ("create", "revoke")]
+    assert [tuple(row.values())[:4] for row in rows] == told
+    assert all(row["name"] for row in rows)
