@@ -119,9 +119,7 @@ async def clear_up(controller: Controller, hub: Hub, db: Db) -> None:
         message = f"{controller.name} is in check mode: for job {job} it was switched on, and the daemon ended before "
         message += "it was switched off."
         if found:
-            message += (
-                f" Switch it off when nothing is in the way: its start-up blocks run then: {'; '.join(found)}."
-            )
+            message += f" Switch it off when nothing is in the way: its start-up blocks run then: {'; '.join(found)}."
         else:
             message += " It is switched off now, and the controller resets itself; G92 and the tool length are gone."
         hub.publish("log", controller.name, {"level": "warning", "kind": "check_mode", "message": message})

@@ -53,6 +53,7 @@ def build(services: Services) -> FastAPI:
         return app.state.leases.use(machine, client_of(request.scope)) if known else nullcontext()
 
     app.state.control = controlled
+
     def redeem(ticket: str) -> Principal | None:
         return services.tokens.redeem(ticket)
 
