@@ -182,3 +182,21 @@ def test_filters_and_pages() -> None:
             assert (await client.get(AUDIT, params={"since": "yesterday"})).status_code == 422
 
     run(main())
+
+
+def test_the_pins_of_a_changer_are_one_row_for_each_connection() -> None:
+    class Changer:
+        def drive(self, *_: Any, **__: Any) -> None: ...
+        def leave(self, *_: Any) -> None: ...
+
+    async def main() -> None:
+        async with FakeWorkshop() as workshop:
+            workshop.changers = {"router": Changer()}  # type: ignore[attr-defined]
+            for _ in range(2):
+                async with AsgiSocket(workshop.app()) as socket:
+                    for level in (True, False, True):
+                        pins = {"tool-changed": level}
+                        await socket.ask({"type": "io", "machine": "router", "pins": pins})
+            assert [row["route"] for row in await rows(workshop)] == ["io", "io"]
+
+    run(main())
