@@ -74,6 +74,11 @@ class MachineState:
     modal: tuple[str, ...] = ()
     substate: int | None = None
 
+    @property
+    def emergency(self) -> bool:
+        """The machine's own emergency stop is pressed."""
+        return self.alarm is not None and self.alarm.emergency
+
 
 def reduce(state: MachineState, event: Event) -> MachineState:
     """The state after `event`; the same object when the event says nothing about it."""

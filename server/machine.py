@@ -137,7 +137,7 @@ class Machine:
         )
         self.tools.coolant_codes = coolant_codes(load_profile(config.profile))
         self.tools.on_tool = self._tool_is
-        self.tools.emergency = lambda: _emergency(self.state)
+        self.tools.emergency = lambda: self.state.emergency
         self.tools.on_estop = self.chain_opened
         self.stream.ask_changer = self.tools.ask
         self.stream.on_end = self.tools.job_ended
@@ -350,7 +350,7 @@ class Machine:
             return
         self._publish_state()
         self.stream.conditions(self.state)
-        if _emergency(self.state) and not _emergency(before):
+        if self.state.emergency and not before.emergency:
             self._tell_changer_of_emergency()
         if self.state.alarm != before.alarm:
             self._hub.publish("alarm", self.name, {"alarm": alarm_view(self.state.alarm)})
@@ -397,8 +397,3 @@ class Machine:
 
     def _frames(self) -> dict[str, Any]:
         return dump(() if self._engine is None else self._engine.recent_frames(), now=self._loop.time())
-
-
-def _emergency(state: MachineState) -> bool:
-    """The machine's own emergency stop is pressed."""
-    return state.alarm is not None and state.alarm.emergency
