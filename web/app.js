@@ -42,8 +42,8 @@ function App() {
         ${known || !live.value ? html`<${VIEWS[page]} key=${page} />` : html`<p class="empty">${t("machine.none")}</p>`}
       </main>
     </div>
-    <${AskTakeover} />
     <${Calls} />
+    <${AskTakeover} />
     <${Notices} />`;
 }
 
