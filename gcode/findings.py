@@ -8,6 +8,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+MOST_MESSAGE_CHARS = 300
+"""A line with a thousand codes makes a message that names them all; nobody reads it to its end."""
+
 Level = Literal["error", "warning", "info"]
 
 FULL_FINDINGS = 100
@@ -92,6 +95,10 @@ class Report:
         return {key: list(value) if isinstance(value, tuple) else value for key, value in table.items()}
 
 
+def _short(message: str) -> str:
+    return message if len(message) <= MOST_MESSAGE_CHARS else f"{message[: MOST_MESSAGE_CHARS - 1]}…"
+
+
 @dataclass(slots=True)
 class _Kind:
     """One kind of finding: those in full, and how many there were."""
@@ -113,7 +120,7 @@ class Findings:
         kind = self._kinds.setdefault(self._key(level, code, subject), _Kind([]))
         kind.total += count
         if len(kind.full) < FULL_FINDINGS:
-            kind.full.append(Finding(line, column, code, message, count))
+            kind.full.append(Finding(line, column, code, _short(message), count))
 
     def room(self, level: Level, code: str, subject: str = "") -> int:
         """How many more of this kind would stand in full; all others need no more than to be counted."""

@@ -2,7 +2,7 @@
 
 import json
 
-from gcode.findings import FULL_FINDINGS, MAX_KINDS, Finding, Findings, Report
+from gcode.findings import FULL_FINDINGS, MAX_KINDS, MOST_MESSAGE_CHARS, Finding, Findings, Report
 
 
 def test_the_first_of_a_kind_stand_in_full_and_the_rest_is_counted() -> None:
@@ -35,3 +35,11 @@ def test_the_report_is_json() -> None:
     assert table["errors"] == [{"line": 1, "column": 2, "code": "code", "message": "message", "count": 1}]
     assert table["bounds"] == {"x": [0.0, 1.0]}
     assert (table["tools"], table["feeds"], table["seconds"]) == ([1], [100.0], 1.5)
+
+
+def test_a_long_message_is_cut() -> None:
+    findings = Findings()
+    findings.add("error", 1, 1, "group_conflict", "G1 " * 1000 + "contradict each other")
+    [found] = findings.of("error")
+    assert len(found.message) == MOST_MESSAGE_CHARS
+    assert found.message.endswith("…")
