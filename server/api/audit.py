@@ -27,6 +27,11 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """With these a cell begins that Excel, LibreOffice and Google Sheets compute."""
 CSV_HEADERS = {"Content-Disposition": 'attachment; filename="audit.csv"'}
 CSV_COLUMNS = ("id", *COLUMNS)
+AS_TABLE = {
+    "responses": {
+        "200": {"content": {"text/csv": {"schema": {"type": "string"}, "example": ",".join(CSV_COLUMNS) + "\r\n"}}}
+    }
+}
 
 Text = Annotated[str | None, Query(max_length=MAX_CHARS)]
 
@@ -35,7 +40,14 @@ def install(app: FastAPI, services: Services) -> None:
     """The route /audit."""
     routes = Routes(app, "access")
 
-    @routes.add("GET", "/audit", role=Role.ADMIN, summary="Who has asked for what, newest first", model=list[AuditView])
+    @routes.add(
+        "GET",
+        "/audit",
+        role=Role.ADMIN,
+        summary="Who has asked for what, newest first",
+        model=list[AuditView],
+        openapi_extra=AS_TABLE,
+    )
     async def get_audit(
         token: Annotated[str | None, Query(max_length=MAX_CHARS, description="Only of this token (its id)")] = None,
         name: Annotated[str | None, Query(max_length=MAX_CHARS, description="Only of this name")] = None,

@@ -104,7 +104,9 @@ def _views(app: FastAPI, services: Services) -> None:
             str | None, Query(max_length=200, description="Only in these", examples=["queued,running"])
         ] = None,
         limit: Annotated[int, Query(ge=1, le=MAX_PAGE, description="How many at most")] = DEFAULT_PAGE,
-        before: Annotated[int | None, Query(ge=1, description="Only jobs with a lower id: the next page")] = None,
+        before: Annotated[
+            int | None, Query(ge=1, le=2**53, description="Only jobs with a lower id: the next page")
+        ] = None,
     ) -> Response:
         return json_response(await services.jobs.list(machine, status, limit, before))
 

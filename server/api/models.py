@@ -186,8 +186,8 @@ class JobRequest(BaseModel):
     model_config = request_example(program=PROGRAM_ID, machine="router", note="second side")
     program: Annotated[str, Field(min_length=1, max_length=128)]
     machine: Annotated[str, Field(min_length=1, max_length=64)]
-    start_line: Annotated[int, Field(ge=1)] | None = None
-    end_line: Annotated[int, Field(ge=1)] | None = None
+    start_line: Annotated[int, Field(ge=1, le=2**53)] | None = None
+    end_line: Annotated[int, Field(ge=1, le=2**53)] | None = None
     hold: bool = False
     force: bool = False
     note: Annotated[str, Field(max_length=MAX_NOTE_CHARS)] | None = None
@@ -281,7 +281,7 @@ class MoveRequest(BaseModel):
     """The place in the queue, 1 is next."""
 
     model_config = request_example(position=1)
-    position: Annotated[int, Field(ge=1)]
+    position: Annotated[int, Field(ge=1, le=2**53)]
 
 
 class BatchView(BaseModel):

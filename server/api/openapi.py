@@ -30,6 +30,7 @@ def document(app: FastAPI) -> dict[str, Any]:
     for name in FRAMEWORK_SCHEMAS:
         schemas.pop(name, None)
     schemas["Problem"] = Problem.model_json_schema()
+    _close_names(schemas)
     built["components"]["securitySchemes"] = {
         "token": {"type": "http", "scheme": "bearer"},
         "session": {"type": "apiKey", "in": "cookie", "name": "millstream_session"},
@@ -38,6 +39,15 @@ def document(app: FastAPI) -> dict[str, Any]:
         for operation in item.values():
             _finish(operation, schemas)
     return built
+
+
+def _close_names(value: Any) -> None:
+    """Where names have a pattern, others are refused: pydantic does so, but what it writes lets them through."""
+    if isinstance(value, dict):
+        if "patternProperties" in value:
+            value.setdefault("additionalProperties", False)
+        for inner in value.values():
+            _close_names(inner)
 
 
 def _finish(operation: dict[str, Any], schemas: dict[str, Any]) -> None:

@@ -130,8 +130,8 @@ def _contents(app: FastAPI, services: Services) -> None:
     )
     async def get_source(
         id: ProgramId,
-        first: Annotated[int, Query(alias="from", ge=1, description="First line")] = 1,
-        last: Annotated[int | None, Query(alias="to", ge=1, description="Last line")] = None,
+        first: Annotated[int, Query(alias="from", ge=1, le=2**53, description="First line")] = 1,
+        last: Annotated[int | None, Query(alias="to", ge=1, le=2**53, description="Last line")] = None,
     ) -> Response:
         """At most 10,000 lines at a time; without `to` 1,000 of them."""
         end = first + DEFAULT_SOURCE_LINES - 1 if last is None else last

@@ -32,7 +32,7 @@ class RecoverRequest(BaseModel):
 
     model_config = request_example(action="from_line", line=601, clearance=20.0, operator_done=True)
     action: Literal["continue", "from_line"] | None = None
-    line: Annotated[int, Field(ge=1)] | None = None
+    line: Annotated[int, Field(ge=1, le=2**53)] | None = None
     clearance: Clearance | None = None
     clearance_is_machine: bool | None = None
     plunge_feed: PlungeFeed | None = None

@@ -1,6 +1,7 @@
 """The OpenAPI document is complete: nobody has to read the code to write a client."""
 
 import re
+from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -11,7 +12,10 @@ from server.api.messages import SOCKET_TEXT, Jog, JogStop, Subscribe, Verb
 from server.problems import CODES
 from tests.harness.fakeworkshop import FakeWorkshop
 from tests.harness.simloop import run_simulated as run
+from tools.openapi import COMMAND, STORED, readable
 
+NOT_FIELDS = ("example", "examples", "default", "enum", "additionalProperties", "patternProperties")
+"""The values of a map with free names are the services' to judge."""
 METHODS = {"GET", "POST", "PUT", "PATCH", "DELETE"}
 
 
@@ -148,3 +152,33 @@ def test_the_websocket_is_described_with_every_message() -> None:
     for model in (Subscribe, Verb, Jog, JogStop):
         for word in model.model_fields["type"].annotation.__args__:
             assert word in SOCKET_TEXT
+
+
+def test_a_change_of_the_document_is_seen_in_review() -> None:
+    assert STORED.read_text(encoding="utf-8") == readable(), f"the API has changed; write the document anew: {COMMAND}"
+
+
+@each
+def test_whole_numbers_of_an_address_fit_everywhere(method: str, path: str, operation: dict[str, Any]) -> None:
+    """A number past 2^53 is another one in JavaScript, and past 2^63 an error in the database."""
+    schemas = [parameter["schema"] for parameter in operation.get("parameters", ())]
+    for schema in schemas:
+        for number in whole_numbers(schema):
+            assert number.get("maximum", 2**54) <= 2**53, (path, number)
+
+
+def whole_numbers(schema: Any) -> Iterator[dict[str, Any]]:
+    if isinstance(schema, list):
+        for inner in schema:
+            yield from whole_numbers(inner)
+    elif isinstance(schema, dict):
+        if schema.get("type") == "integer":
+            yield schema
+        for name, inner in schema.items():
+            if name not in NOT_FIELDS:
+                yield from whole_numbers(inner)
+
+
+@each
+def test_operations_have_a_name_for_clients(method: str, path: str, operation: dict[str, Any]) -> None:
+    assert re.fullmatch(r"[a-z]+(_[a-z0-9]+)*", operation["operationId"])
