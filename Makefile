@@ -9,12 +9,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: help run test check format bench install clean
+.PHONY: help run test fuzz check format bench install clean
 
 help:
 	@echo "make run      daemon, a virtual ElVinto mill and a sample program; the dashboard's address is printed"
 	@echo "make test     all tests; ARGS=--long tries ten times as many examples, seeds and crash points"
 	@echo "make check    format, lint, types, import rules, docs against code"
+	@echo "make fuzz     the parsers for minutes: make fuzz ARGS=\"grbl --minutes 5\""
 	@echo "make bench    benchmarks"
 	@echo "make install  the environment in $(VENV), with the tools for development"
 	@echo "make format   put the format right"
@@ -32,11 +33,15 @@ check: $(VENV)/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	.ci/check-js
+	.ci/check-clients $(VENV)
 	$(BIN)/python -m pytest tests/docs
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+fuzz: $(VENV)/.installed-dev
+	@$(BIN)/python -m tests.fuzz $(ARGS)
 
 bench: $(VENV)/.installed
 	@$(BIN)/python -m bench $(ARGS)
