@@ -37,9 +37,7 @@ def test_nothing_is_opened_that_is_not_switched_on(tmp_path: Path) -> None:
 
 
 def test_a_port_that_is_taken_is_told(taken: int, tmp_path: Path) -> None:
-    with pytest.raises(
-        OutboundError, match=rf"mtconnect: 127\.0\.0\.1:{taken}: Address already in use"
-    ):
+    with pytest.raises(OutboundError, match=rf"mtconnect: 127\.0\.0\.1:{taken}: Address already in use"):
         Outbound.prepare(config(tmp_path, mtconnect={"enabled": True, "port": taken}))
 
 
