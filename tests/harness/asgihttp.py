@@ -1,8 +1,8 @@
 """A `requests` session whose requests end in an ASGI application, on a loop with simulated time.
 
 For tools that only know `requests`. Not a network, not a thread: the loop runs until the answer is there, and all that
-happens meanwhile (a machine answering, a timer) happens in simulated time. The one rule: each request comes from an
-address of its own, or the daemon would take a tool that tries wrong tokens for somebody who guesses them.
+happens meanwhile (a machine answering, a timer) happens in simulated time. The one rule: a request without the
+`known` token comes from an address of its own, or a tool that tries wrong ones would be taken for one who guesses them.
 """
 
 import asyncio
@@ -22,10 +22,11 @@ FIRST_ADDRESS = int(ipaddress.IPv4Address("10.0.0.1"))
 class AsgiAdapter(HTTPAdapter):
     """Mount it on a session for `http://`."""
 
-    def __init__(self, app: ASGIApp, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, app: ASGIApp, loop: asyncio.AbstractEventLoop, known: str) -> None:
         super().__init__()
         self._app = app
         self._loop = loop
+        self._known = f"Bearer {known}"
         self.sent = 0
 
     def send(self, request: requests.PreparedRequest, *_: Any, **__: Any) -> requests.Response:
@@ -35,6 +36,7 @@ class AsgiAdapter(HTTPAdapter):
 
     def _scope(self, request: requests.PreparedRequest) -> dict[str, Any]:
         parts = urlsplit(request.url or "")
+        number = 0 if request.headers.get("Authorization") == self._known else self.sent
         headers = [(_latin(name).lower(), _latin(value)) for name, value in request.headers.items()]
         return {
             "type": "http",
@@ -47,7 +49,7 @@ class AsgiAdapter(HTTPAdapter):
             "root_path": "",
             "query_string": parts.query.encode(),
             "headers": [*headers, (b"host", parts.netloc.encode())],
-            "client": (str(ipaddress.IPv4Address(FIRST_ADDRESS + self.sent)), 50_000),
+            "client": (str(ipaddress.IPv4Address(FIRST_ADDRESS + number)), 50_000),
             "server": ("127.0.0.1", 8420),
             "extensions": {},
         }
