@@ -20,6 +20,7 @@ def offsets(grbl: Daemon, name: str) -> dict[str, float]:
 
 
 def test_an_offset_is_set_where_the_tool_stands_and_seen(grbl: Daemon, screens: Callable[..., Screen]) -> None:
+    stands = grbl.get("/machines/mill/state")["position"]["machine"]
     one = screens(grbl.url, PHONE)
     one.go("mill/settings/offsets")
     row = one.page.locator("[data-offset=G55]")
@@ -32,8 +33,8 @@ def test_an_offset_is_set_where_the_tool_stands_and_seen(grbl: Daemon, screens: 
     one.named("zero-here-xy").click()
     one.named("to-x").fill("12,5")
     one.press("offset-save")
-    expect(row.locator("[data-axis=x]")).to_have_text("-12.500", timeout=WITHIN_MS)
-    assert offsets(grbl, "G55") == {"x": -12.5, "y": 0.0, "z": 0.0}
+    expect(row.locator("[data-axis=x]")).to_have_text(f"{stands['x'] - 12.5:.3f}", timeout=WITHIN_MS)
+    assert offsets(grbl, "G55") == pytest.approx({"x": stands["x"] - 12.5, "y": stands["y"], "z": 0.0}, abs=0.001)
     one.press("offset-G55")
     one.named("mode-absolute").click()
     one.named("to-x").fill("0")
