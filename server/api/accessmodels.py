@@ -5,7 +5,7 @@ Not their meaning (server/tokens.py, server/audit.py). The one rule: a secret st
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, StrictBool
 
 from server.api.machinemodels import HolderView
 from server.api.models import TIME, example, request_example
@@ -124,7 +124,7 @@ class ControlRequest(BaseModel):
     """`takeover`: also from somebody who has it."""
 
     model_config = request_example(takeover=True)
-    takeover: bool = False
+    takeover: StrictBool = False
 
 
 class ControlView(BaseModel):

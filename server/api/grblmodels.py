@@ -6,7 +6,7 @@ refused; whatever moves a machine or writes its memory has bounds besides.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, StrictBool, model_validator
 
 from server.api.machinemodels import AXES, AxisMove
 from server.api.models import example, request_example
@@ -158,7 +158,7 @@ class StartupRequest(BaseModel):
 
     model_config = request_example(blocks=["G21", "G90"], force=False)
     blocks: Annotated[list[Annotated[str, Field(max_length=MAX_STARTUP_CHARS)]], Field(max_length=MAX_STARTUP_BLOCKS)]
-    force: bool = False
+    force: StrictBool = False
 
 
 # --- modes ----------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ for a misspelt `end_line` must not run a whole program.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, model_validator
 
 MAX_NOTE_CHARS = 2000
 
@@ -188,8 +188,8 @@ class JobRequest(BaseModel):
     machine: Annotated[str, Field(min_length=1, max_length=64)]
     start_line: Annotated[int, Field(ge=1, le=2**53)] | None = None
     end_line: Annotated[int, Field(ge=1, le=2**53)] | None = None
-    hold: bool = False
-    force: bool = False
+    hold: StrictBool = False
+    force: StrictBool = False
     note: Annotated[str, Field(max_length=MAX_NOTE_CHARS)] | None = None
     mode: Literal["run", "check"] = "run"
     on_error: Literal["hold", "stop", "ignore"] | None = None

@@ -6,7 +6,7 @@ of its own, `action`; every other field only describes.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, StrictBool, model_validator
 
 from gcode.reentry import Purpose
 from jobs.reentry import MAX_BLOCKS
@@ -42,7 +42,7 @@ class RecoverRequest(BaseModel):
         | None
     ) = None
     operator_done: bool = False
-    force: bool = False
+    force: StrictBool = False
 
     @model_validator(mode="after")
     def _says_what_it_means(self) -> "RecoverRequest":
