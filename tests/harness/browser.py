@@ -112,12 +112,12 @@ def unheld(one: Daemon) -> Daemon:
     """What a test itself asks of a machine takes the control and gives it back: the browsers are the clients."""
 
     def ask(request: httpx.Request, method: str) -> None:
-        name, verb = [*request.url.path.split("/"), "", ""][4:6]
-        if verb not in ("unlock", "commands"):
+        asked = re.fullmatch(r"/api/v1/machines/([^/]+)/(unlock|commands)", request.url.path)
+        if asked is None:
             return
         body = {"takeover": True} if method == "POST" else None
         with httpx.Client(base_url=one.url, transport=httpx.HTTPTransport()) as client:
-            assert client.request(method, f"/api/v1/machines/{name}/control", json=body).is_success
+            assert client.request(method, f"/api/v1/machines/{asked[1]}/control", json=body).is_success
 
     one.http.event_hooks = {
         "request": [lambda request: ask(request, "POST")],
