@@ -180,21 +180,26 @@ def serious(page: Page, *rules: str) -> list[str]:
 
 
 class Traffic:
-    """What a page fetches from now on, as it goes over the network: packed bodies, and their headers."""
+    """What a page fetches from now on: the bodies as they go over the network, packed, without the headers."""
 
     def __init__(self, page: Page) -> None:
         self.requests: dict[str, str] = {}
+        self._heads: dict[str, float] = {}
         self._bytes: dict[str, float] = {}
         self._session = page.context.new_cdp_session(page)
         self._session.on("Network.requestWillBeSent", lambda event: self._asked(event["requestId"], event["request"]))
+        self._session.on("Network.responseReceived", lambda event: self._began(event["requestId"], event["response"]))
         self._session.on("Network.loadingFinished", lambda event: self._came(event["requestId"], event))
         self._session.send("Network.enable")
 
     def _asked(self, id: str, request: Any) -> None:
         self.requests[id] = request["url"]
 
+    def _began(self, id: str, response: Any) -> None:
+        self._heads[id] = response["encodedDataLength"]
+
     def _came(self, id: str, event: Any) -> None:
-        self._bytes[id] = event["encodedDataLength"]
+        self._bytes[id] = event["encodedDataLength"] - self._heads.get(id, 0)
 
     def bytes(self) -> int:
         """Of all that has come so far."""

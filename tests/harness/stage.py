@@ -152,6 +152,7 @@ class Stage:
             f"/api/v1/machines/{MILL}/console": [],
             "/api/v1/jobs": self.jobs,
             "/api/v1/programs": [],
+            f"/api/v1/programs/{job(0)['program']}/source": {"lines": []},
         }
         return _response(HTTPStatus.OK, "application/json", json.dumps(answers.get(path, [])).encode())
 
