@@ -48,7 +48,8 @@ function App() {
 }
 
 const place = computed(() => `${route.value.page} ${route.value.id}`);
-effect(() => { if (place.value) scrollTo(0, 0); }); // another page begins at its top
+// Another page begins at its top; when it is drawn, for a scroll before that takes the keyboard's place from it.
+effect(() => { if (place.value) requestAnimationFrame(() => scrollTo(0, 0)); });
 effect(() => { document.documentElement.dataset.theme = theme.value; });
 effect(() => {
   speak(spoken.value).then(() => {
