@@ -86,6 +86,16 @@ class ChildWorker:
     # --- in the thread ----------------------------------------------------------------------------------------
 
     def _ask(self, request: bytes) -> bytes:
+        rested = self._process is not None
+        answer, code = self._answered(request)
+        if answer is None and rested and not self._closed:
+            answer, code = self._answered(request)  # the first one may have been dying before it was asked
+        if answer is None:
+            raise ChildEndedError(f"the process for {self._name} ended with {code} before its answer")
+        return answer
+
+    def _answered(self, request: bytes) -> tuple[bytes | None, int]:
+        """The answer, or None and what the process ended with."""
         process = self._process
         if process is None or process.poll() is not None:
             self._end()
@@ -100,11 +110,10 @@ class ChildWorker:
             answer = read_block(process.stdout)  # type: ignore[arg-type]
         except OSError:
             answer = None
-        if answer is None:
-            self._end()
-            code = process.wait()
-            raise ChildEndedError(f"the process for {self._name} ended with {code} before its answer")
-        return answer
+        if answer is not None:
+            return answer, 0
+        self._end()
+        return None, process.wait()
 
     def _end(self) -> None:
         process, self._process = self._process, None

@@ -70,7 +70,7 @@ def test_a_disk_that_fills_stops_the_stream_and_it_goes_on_when_there_is_room(tm
     with (
         small_disk(tmp_path / "data") as disk,
         sim_process(tmp_path, "--speed", "2") as (port, recording),
-        daemon(tmp_path, port, elvinto="max_batch_blocks = 2") as one,
+        daemon(tmp_path, port, elvinto="max_batch_blocks = 2", server="[limits]\ndisk_reserve_bytes = 0") as one,
     ):
         job = one.connected().job(PART)
         recording.reached(5)

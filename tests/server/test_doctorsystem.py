@@ -172,7 +172,7 @@ def test_a_network_without_a_token(tmp_path: Path) -> None:
     assert finding.level is Level.ERROR
     with closing(Database(tmp_path / "millstream.db")) as db:
         prepare(db)
-        db.execute("insert into tokens values ('1', 'n', 'admin', 'h', 'now', null, null)")
+        db.execute("insert into tokens values ('1', 'n', 'admin', 'h', 'now', null, null, null)")
         db.conn.commit()
     assert found(config(tmp_path, host="0.0.0.0"), "tokens") == []
 

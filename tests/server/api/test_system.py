@@ -111,4 +111,4 @@ def test_the_estop_is_in_the_page_itself_and_needs_no_library() -> None:
             assert set(re.findall(r'getElementById\("([^"]+)"\)', text)) <= set(re.findall(r'id="([^"]+)"', page))
         targets = ((WEB / name).parent / target for target in re.findall(r'\bfrom "(\.[^"]+)"', text))
         wanted |= {target.resolve().relative_to(WEB).as_posix() for target in targets} - asked
-    assert asked == {"estop.js", "net/daemon.js", "net/http.js", "net/socket.js"}
+    assert asked == {"estop.js", "net/client.js", "net/daemon.js", "net/http.js", "net/socket.js"}
