@@ -26,7 +26,7 @@ from server.estimates import Estimates
 from server.grblconfig import GrblConfig
 from server.hub import Hub
 from server.jobservice import JobService
-from server.machine import EngineFactory
+from server.link import EngineFactory
 from server.ncframeconfig import NcFrameConfig
 from server.outbound.counters import Counters
 from server.panel import Panel

@@ -52,7 +52,7 @@ def info(check: str, message: str, advice: str = "", **data: Any) -> Finding:
 
 
 def warning(check: str, message: str, advice: str, **data: Any) -> Finding:
-    """It works for now."""
+    """It works, but it will not always."""
     return Finding(check, Level.WARNING, message, advice, data=data)
 
 

@@ -6,6 +6,7 @@ questions; a line that takes nothing more is an OSError, not a wait.
 
 import socket
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from urllib.parse import urlsplit
@@ -19,7 +20,7 @@ QUIET_S = 0.25
 """Behind the last byte of an answer: nothing more of it comes."""
 
 
-class _Timed:
+class _Timed(ABC):
     """Hears until nothing more comes or time is up; what it stands on reads once, with a time limit."""
 
     def hear(self, seconds: float) -> bytes:
@@ -32,9 +33,9 @@ class _Timed:
             heard += came
         return heard
 
+    @abstractmethod
     def read_once(self, timeout_s: float) -> bytes:
         """Whatever comes first, or nothing. Raises OSError."""
-        raise NotImplementedError
 
 
 class SerialLine(_Timed):

@@ -174,17 +174,13 @@ class JobService:
                 return self._view(newjob.same_request(known, request_hash))
         program = await self._programs.get(program_id)
         report = await self._programs.check(program_id, machine=machine)
-        newjob.refuse_errors(report)
+        stored = newjob.refused_or_stored(report, mode, force=force)
         source = source_program or program["source_program"]
         if report["expanded_lines"] is not None:
             source, program = program_id, await self._programs.expanded(program)
             newjob.refuse_lines_of_source(program, start_line, end_line)
         first, last = newjob.lines_of(program, start_line, end_line)
         self._starter.check_line(machine, first)
-        stored = newjob.stored_lines(report, mode)
-        if not force:
-            newjob.refuse_stored(stored)
-            newjob.refuse_warnings(report)
         fields = {
             "machine": machine,
             "program": program["id"],

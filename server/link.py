@@ -7,10 +7,17 @@ goes out); then nobody is asked, for an offer depends on what has happened and o
 
 import asyncio
 from collections.abc import Callable
+from typing import Protocol
 
 from protocol.commands import RealtimeCommand
-from protocol.engine import Engine
+from protocol.engine import Engine, OpenWork
 from protocol.events import Event
+
+
+class EngineFactory(Protocol):
+    """Makes the engine of an epoch."""
+
+    def __call__(self, *, first_id: int, now: float, open_work: OpenWork | None) -> Engine: ...
 
 
 class Link:

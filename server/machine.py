@@ -7,7 +7,7 @@ Not the wire (protocol), not the job's logic (jobs/runner.py), not HTTP. The one
 import asyncio
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from gcode.profile import load_profile
 from gcode.toolcodes import coolant_codes
@@ -43,7 +43,7 @@ from server.framehand import hand_of
 from server.grblconfig import GrblConfig
 from server.hub import Hub
 from server.jobstream import JobStream
-from server.link import Link
+from server.link import EngineFactory, Link
 from server.manual import Manual
 from server.metrics import MachineMetrics
 from server.reconnect import Reconnect
@@ -63,12 +63,6 @@ ID_STEP = 1000
 for probes and commands by hand and are in no journal (elvinto §5.1: IDs never go back)."""
 LOG_EVERY_S = 1.0
 """Of each kind of protocol fault; noise on a wire must not push what matters out of the hub. All are counted."""
-
-
-class EngineFactory(Protocol):
-    """Makes the engine of an epoch."""
-
-    def __call__(self, *, first_id: int, now: float, open_work: OpenWork | None) -> Engine: ...
 
 
 class Machine:
@@ -135,7 +129,11 @@ class Machine:
         self.tools = ToolChanger(
             self.name, config.toolchanger, kept=kept, job=self.stream, db=db, hub=hub, clock=clock, loop=self._loop
         )
-        self.tools.coolant_codes = coolant_codes(load_profile(config.profile))
+        self._join_tools()
+
+    def _join_tools(self) -> None:
+        """What the tool changer, the job and the machine ask and tell each other."""
+        self.tools.coolant_codes = coolant_codes(load_profile(self.config.profile))
         self.tools.on_tool = self._tool_is
         self.tools.emergency = lambda: self.state.emergency
         self.tools.on_estop = self.chain_opened

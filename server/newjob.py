@@ -57,6 +57,16 @@ def refuse_stored(lines: list[int]) -> None:
         )
 
 
+def refused_or_stored(report: Mapping[str, Any], mode: str, *, force: bool) -> list[int]:
+    """Raises ProblemError for what the check has found; else the lines that a check run would store."""
+    refuse_errors(report)
+    stored = stored_lines(report, mode)
+    if not force:
+        refuse_stored(stored)
+        refuse_warnings(report)
+    return stored
+
+
 def refuse_lines_of_source(expanded: Mapping[str, Any], start_line: int | None, end_line: int | None) -> None:
     """A line within a loop or a subprogram is executed more than once, or never: it is no place to begin at."""
     if start_line is not None or end_line is not None:

@@ -8,6 +8,7 @@ What the machine executed is the judge: no line is lost, doubled or out of turn,
 import asyncio
 import shutil
 import sqlite3
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -37,7 +38,7 @@ KEY = "the part"
 WISH = ReentryWish(clearance=5.0, plunge_feed=500.0, spindle_wait=0.0, force=True)
 
 
-class Story:
+class Story(ABC):
     """What people ask of the daemon, again where it died before it answered. The machine outlives all daemons."""
 
     def __init__(self, bench: Any, fate: Fate) -> None:
@@ -91,7 +92,7 @@ class Story:
         await shop.stop()
         self.bench.shop = None
 
-    async def ready(self, shop: Any) -> None:
+    async def ready(self, shop: Any) -> None:  # noqa: B027 - most need nothing
         """Before the first job."""
 
     async def waiting_one(self, shop: Any) -> None:
@@ -135,9 +136,9 @@ class Story:
     def judge(self) -> None:
         assert self.way() == [float(x) for x in range(1, LINES + 1)], f"killed at point {self.fate.at}"
 
+    @abstractmethod
     def way(self) -> list[float]:
         """Where the machine was led, in order."""
-        raise NotImplementedError
 
 
 class ElvintoStory(Story):
