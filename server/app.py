@@ -30,7 +30,7 @@ from server.link import EngineFactory
 from server.ncframeconfig import NcFrameConfig
 from server.outbound.counters import Counters
 from server.panel import Panel
-from server.plans import RATELESS, Planning, Workpiece
+from server.plans import Planning
 from server.programservice import ProgramService
 from server.room import Room
 from server.serialport import Opener, PortOpener
@@ -39,6 +39,7 @@ from server.tokens import TokenStore
 from server.toolchanger import ToolChanger
 from server.toolpaths import Toolpaths
 from server.worker import ThreadWorker, Worker
+from server.workpiece import RATELESS, Workpiece
 
 HEAVY = frozenset({"checks", "drawings", "timelines"})
 """Workers that read whole programs and compute."""

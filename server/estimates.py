@@ -19,8 +19,8 @@ from jobs.runner import Runner
 from jobs.store import Row
 from server.dbthread import Db
 from server.machine import Machine
-from server.plans import Workpiece
 from server.worker import Worker
+from server.workpiece import Workpiece
 
 log = logging.getLogger(__name__)
 

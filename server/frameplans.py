@@ -6,7 +6,6 @@ last; anything else would move it from a place that nobody knows.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from gcode.held import Held
 from gcode.ncframe.stretches import first_error
@@ -17,9 +16,7 @@ from jobs.restart import CannotStartError
 from jobs.store import Row
 from jobs.upcoming import PlanError
 from protocol.commands import Position
-
-if TYPE_CHECKING:
-    from server.plans import Workpiece
+from server.workpiece import Workpiece
 
 FROM_THE_BEGINNING = (
     "frames are steps from where the machine stands, and it cannot say where that is. Bring the tool to where the "
@@ -27,7 +24,7 @@ FROM_THE_BEGINNING = (
 )
 
 
-def start(programs: ProgramStore, piece: "Workpiece", row: Row, *, line: int, position: Position) -> BatchPlanner:
+def start(programs: ProgramStore, piece: Workpiece, row: Row, *, line: int, position: Position) -> BatchPlanner:
     """From the first line. Raises CannotStartError, PlanError for the first line that cannot be sent, OSError."""
     if line > 1:
         raise CannotStartError(f"A job cannot begin in the middle here: {FROM_THE_BEGINNING}.")
@@ -38,7 +35,7 @@ def start(programs: ProgramStore, piece: "Workpiece", row: Row, *, line: int, po
     return BatchPlanner.over(_blocks(programs, piece, row, position, Behind()), piece.limits)
 
 
-def go_on(programs: ProgramStore, piece: "Workpiece", row: Row, *, behind: Behind, began: Held | None) -> BatchPlanner:
+def go_on(programs: ProgramStore, piece: Workpiece, row: Row, *, behind: Behind, began: Held | None) -> BatchPlanner:
     """What comes behind a place. `began`: where the machine stood before the first line. Raises OSError."""
     position = {} if began is None else began.position
     planner = BatchPlanner.over(_blocks(programs, piece, row, position, behind), piece.limits)
@@ -46,7 +43,7 @@ def go_on(programs: ProgramStore, piece: "Workpiece", row: Row, *, behind: Behin
     return planner
 
 
-def _blocks(programs: ProgramStore, piece: "Workpiece", row: Row, position: Position, behind: Behind) -> FrameBlocks:
+def _blocks(programs: ProgramStore, piece: Workpiece, row: Row, position: Position, behind: Behind) -> FrameBlocks:
     assert piece.frames is not None
     lines = _lines(programs, row["program"], row["end_line"])
     return FrameBlocks(lines, piece.profile, piece.motion, piece.frames, position, behind)

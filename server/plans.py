@@ -11,31 +11,23 @@ from itertools import islice
 from typing import Any
 
 from gcode.check import CheckOptions
-from gcode.check.link import BITS_A_BYTE
 from gcode.held import Held
 from gcode.interpreter import power_on
-from gcode.motion import Motion
-from gcode.ncframe.rules import FrameRules, profile_for
-from gcode.profile import Profile, load_profile
+from gcode.ncframe.rules import FrameRules
+from gcode.profile import Profile
 from gcode.reentry import Reentry, Way
 from gcode.segments import Segments
 from gcode.state import State
-from gcode.toolcodes import with_tool_codes, without_changer
-from jobs.batch import BatchLimits, BatchPlanner
+from jobs.batch import BatchPlanner
 from jobs.expansion import check_stored, check_stored_frames, motion_of
 from jobs.frames import Behind
 from jobs.program import ProgramStore
 from jobs.reentry import Course, check_blocks, has_kept_its_modes, plan_at, with_plan
 from jobs.restart import CannotStartError, Switches, first_block, prologue, with_prologue
 from jobs.store import Row
-from jobs.toolblocks import ToolBlocks
 from protocol.commands import Position
 from server import frameplans
-from server.config import MachineConfig
-from server.grblconfig import GrblConfig
-from server.ncframeconfig import NcFrameConfig
-from server.reentryconfig import ReentryConfig
-from server.verbs import VERBS
+from server.workpiece import Workpiece
 
 PREVIEW_BATCHES = 3
 PREVIEW_BLOCKS = 40
@@ -44,60 +36,6 @@ NO_CLEARANCE = (
     "Where the machine may move freely is not known: say `clearance` in the request that takes a job up, or for good "
     "in [machine.reentry]"
 )
-
-RATELESS = ("sim:", "tcp:")
-"""Ports without a baud rate."""
-
-
-@dataclass(frozen=True, slots=True)
-class Workpiece:
-    """What planning needs to know of a machine."""
-
-    profile: Profile
-    motion: Motion
-    limits: BatchLimits
-    compact: bool
-    convert_inches: bool
-    encoding: str
-    baud: int | None = None
-    """Of a serial port; a network has no rate to hold a program against."""
-    frames: FrameRules | None = None
-    """Of a machine that reads no G-code: how its programs are worked out (frameplans.py)."""
-    turn_s: float = 0.0
-    """What a frame and its answers take on the link, while the machine stands; 0 where its rate is not known."""
-    reentry: ReentryConfig | None = None
-    """Of a controller that says what it holds and forgets it at a reset: its jobs are taken up by a plan. None: others
-    are told their modes again, and go on from where they stand."""
-    tools: ToolBlocks | None = None
-    """Of a controller that is not sent M6: what it is sent in its place."""
-
-    @classmethod
-    def of(cls, config: MachineConfig) -> "Workpiece":
-        """From the configuration."""
-        dialect = config.dialect
-        profile, motion = load_profile(config.profile), config.motion.motion()
-        frames = dialect.rules() if isinstance(dialect, NcFrameConfig) else None
-        if frames is not None:
-            # It stands still until the next frame has come, and what a line weighs as text says nothing of the wire.
-            profile, motion = profile_for(profile, frames), replace(motion, planner_blocks=1)
-        tools = _tool_blocks(config)
-        if config.toolchanger.kind == "none":
-            profile = without_changer(profile)
-        elif tools is not None:
-            profile = with_tool_codes(profile, moves=bool(tools.position))
-        return cls(
-            profile,
-            motion,
-            dialect.limits(),
-            dialect.compact,
-            dialect.convert_inches,
-            dialect.encoding,
-            None if frames is not None or config.port.startswith(RATELESS) else config.baud,
-            frames,
-            _turn_s(config),
-            config.reentry if "modal" in VERBS[config.protocol].capabilities else None,
-            tools,
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,24 +199,6 @@ class Planning:
             held=held,
             tools=piece.tools,
         )
-
-
-def _turn_s(config: MachineConfig) -> float:
-    if not isinstance(config.dialect, NcFrameConfig) or config.port.startswith(RATELESS):
-        return 0.0
-    return config.dialect.turn_bytes * BITS_A_BYTE / config.baud
-
-
-def _tool_blocks(config: MachineConfig) -> ToolBlocks | None:
-    """What a Grbl is sent in the place of M6; None where it is sent M6 itself, or has no changer."""
-    if not isinstance(config.dialect, GrblConfig) or not config.has_changer or config.toolchanger.kind == "none":
-        return None
-    return ToolBlocks(
-        config.toolchanger.change_position,
-        config.reentry.spindle_wait,
-        config.motion.laser,
-        knows_m61="M61" in load_profile(config.profile).codes,
-    )
 
 
 def _as_configured(piece: Workpiece, row: Row, held: Held) -> Entry:

@@ -25,11 +25,12 @@ from jobs.program import ProgramInfo, ProgramStore, UnknownProgramError
 from server.clock import Clock, stamp
 from server.dbthread import Db
 from server.hub import Hub
-from server.plans import Planning, Workpiece
+from server.plans import Planning
 from server.problems import ProblemError
 from server.room import LOOK_EVERY_BYTES, Room, stored_bytes
 from server.toolpaths import Reader, Toolpath, Toolpaths
 from server.worker import Worker
+from server.workpiece import Workpiece
 
 LISTED = 1000
 SOURCE_LINES = 10_000

@@ -34,10 +34,11 @@ from server.estimates import Estimates
 from server.frameplans import FROM_THE_BEGINNING
 from server.hub import Hub
 from server.modes import STARTED_IN, began_in, held_by
-from server.plans import NO_CLEARANCE, Plan, Planning, Workpiece
+from server.plans import NO_CLEARANCE, Plan, Planning
 from server.problems import ProblemError
 from server.views import job_view
 from server.worker import Worker
+from server.workpiece import Workpiece
 
 log = logging.getLogger(__name__)
 

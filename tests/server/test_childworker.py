@@ -19,10 +19,11 @@ from server import childworker
 from server.child import answered, opened
 from server.childworker import LARGE_BYTES, BySize, ChildEndedError, ChildWorker
 from server.estimates import measured
-from server.plans import Planning, Workpiece
+from server.plans import Planning
 from server.problems import ProblemError
 from server.toolpaths import Drawer, Reader
 from server.worker import ThreadWorker
+from server.workpiece import Workpiece
 from tests.harness.programs import elvinto
 
 pytestmark = pytest.mark.real

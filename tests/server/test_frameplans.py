@@ -10,7 +10,8 @@ from jobs.program import ProgramStore
 from jobs.restart import CannotStartError
 from jobs.upcoming import PlanError
 from server.config import MachineConfig
-from server.plans import Planning, Workpiece
+from server.plans import Planning
+from server.workpiece import Workpiece
 
 PIECE = Workpiece.of(MachineConfig(name="lathe", port="/dev/ttyUSB0", protocol="ncframe"))
 TEXT = b"G90\nG1 X1 F100\nG3 X5 I2\nG1 Z-1 M8 M3\nG1 Z-2\nM30\nQ9\n"

@@ -13,7 +13,8 @@ from jobs.batch import PlannedBatch
 from jobs.program import ProgramStore, UnknownProgramError
 from jobs.restart import CannotStartError
 from server.config import MachineConfig
-from server.plans import PREVIEW_BLOCKS, Entry, Planning, Workpiece
+from server.plans import PREVIEW_BLOCKS, Entry, Planning
+from server.workpiece import Workpiece
 
 TEXT = b"G90\nG1 X1 F600\nG1 X2\nG1 X3\nG1 X4\nM30\n"
 

@@ -8,10 +8,11 @@ import pytest
 from gcode.reentry import Reentry, Step
 from protocol.machine import MachineState
 from server.config import MachineConfig
-from server.plans import Plan, Workpiece
+from server.plans import Plan
 from server.problems import ProblemError
 from server.reentryconfig import AS_CONFIGURED, ReentryWish
 from server.takingup import TakingUp
+from server.workpiece import Workpiece
 
 
 class Machine:
