@@ -23,6 +23,9 @@ class Beginning:
     def __init__(self, machine: str, *, db: Db, hub: Hub, clock: Clock) -> None:
         self.reserved: int | None = None
         self.cancelled = self.held = False
+        self.halts = 0
+        """How often a pause or a stop was demanded. A job that was to be chosen before that does not begin after it:
+        whoever presses stop between two jobs, or while one is being made, wants nothing to move."""
         self._going_on: int | None = None
         self._machine = machine
         self._db = db

@@ -28,6 +28,7 @@ REFUSED_WITHIN_S = 0.5
 """A controller that refuses to home or to jog says so at once; whoever asked is told then."""
 JOG_SHOWN_WITHIN_S = 1.0
 """A jog is answered when it is planned; a report that shows it comes within a poll or two."""
+ABOUT_TO_BEGIN = " A job that is about to begin stays in the queue, on hold."
 UNDER_WAY = frozenset({"run", "jog", "hold", "home", "door", "tool"})
 """Something moves, or stands in the middle of moving."""
 
@@ -63,6 +64,7 @@ class Controller(Machine):
     def pause(self) -> None:
         """Stand still: at once where the machine can, else after the batch in flight. Raises ProblemError."""
         runner, beginning = self.stream.runner, self.stream.beginning
+        beginning.halts += 1
         runs = runner is not None and runner.can_pause
         # Whose job was interrupted may still have a machine that moves: it does what it had inside, or what was typed.
         moves = self.state.status in ("run", "jog") or (self.state.status == "idle" and self.manual.moves)
@@ -76,7 +78,7 @@ class Controller(Machine):
         elif self._jogged and not by_hand:
             self.cancel_jog()
         elif not beginning.wanted and (not by_hand or self.verbs.hold is None):
-            raise ProblemError("wrong_state", f"There is no running job on {self.name} to pause.")
+            raise ProblemError("wrong_state", f"There is no running job on {self.name} to pause.{ABOUT_TO_BEGIN}")
 
     def resume(self) -> None:
         """Go on after a pause. Raises ProblemError."""
@@ -97,6 +99,7 @@ class Controller(Machine):
         """Cancel the job, and what was asked by hand and not sent: at once where the machine can drop what it has, else
         after the batch in flight. Raises ProblemError."""
         runner, had_manual = self.stream.runner, self.manual.busy
+        self.stream.beginning.halts += 1
         # What was asked a moment ago moves before a report says so.
         under_way = self.verbs.drop is not None and (self.state.status in UNDER_WAY or self.manual.moves)
         jogged = self._jogged
@@ -111,7 +114,7 @@ class Controller(Machine):
         elif self.stream.beginning.reserved is not None:
             self.stream.beginning.cancel()
         elif not (had_manual or under_way or jogged):
-            raise ProblemError("wrong_state", f"Nothing is running on {self.name}.")
+            raise ProblemError("wrong_state", f"Nothing is running on {self.name}.{ABOUT_TO_BEGIN}")
 
     @property
     def _jogged(self) -> bool:

@@ -165,6 +165,7 @@ class JobService:
     ) -> dict[str, Any]:
         """Queue a run of a program; it starts now if it can and nothing stands before it. Raises ProblemError."""
         controller = self.machine(machine)
+        halts = controller.stream.beginning.halts
         modes = jobmodes.columns(controller, mode, on_error, ignored_errors)
         request = [program_id, machine, start_line, end_line, hold, note, force, *modes.values()]
         request_hash = hashlib.sha256(json.dumps(request).encode()).hexdigest()
@@ -205,7 +206,7 @@ class JobService:
         if stored:
             controller.stream.note("check_writes", job=row["id"], lines=stored)
         self._hub.publish("job", machine, self._view(row))
-        await self._background.finish(self.start_next(machine))
+        await self._background.finish(self.start_next(machine, halts))
         return await self.get(row["id"])
 
     def _must_wait(self, controller: Controller) -> bool:
@@ -257,9 +258,12 @@ class JobService:
         self._hub.publish("queue", machine, {"jobs": jobs})
 
     def _on_status(self, machine: str, status: Status) -> None:
-        """A job has changed. One that was completed makes way for the next; after any other end the queue holds."""
-        if status is Status.COMPLETED:
-            self._background.begin(self._after(machine, self.start_next))
+        """A job has changed. One that was completed makes way for the next; after any other end the queue holds, and
+        where a pause was demanded in its last blocks: whoever pauses wants the machine to stand still."""
+        runner = self.machines[machine].stream.runner
+        if status is Status.COMPLETED and not (runner is not None and runner.holding):
+            halts = self.machines[machine].stream.beginning.halts
+            self._background.begin(self._after(machine, partial(self.start_next, halts=halts)))
         elif status in ENDED:
             # Posted at once: a wish that comes after this end (let the next one go) must not be overtaken by it.
             self.db.post(store.hold_queue, machine)
@@ -287,12 +291,13 @@ class JobService:
         if (controller := self._has_machine(job_id)) is not None:
             controller.resume()
             return await self.get(job_id)
+        halts = {name: machine.stream.beginning.halts for name, machine in self.machines.items()}
         row = await self._waiting(job_id, "be resumed")
         controller = self.machine(row["machine"])
         if not controller.stream.moving:
             controller.check_can_start()
         await self.db.run(store.hold_waiting, job_id, False)
-        await self._background.finish(self.start_next(row["machine"]))
+        await self._background.finish(self.start_next(row["machine"], halts[row["machine"]]))
         return await self.get(job_id)
 
     async def cancel(self, job_id: int) -> dict[str, Any]:
@@ -318,22 +323,25 @@ class JobService:
 
     # --- starting ---------------------------------------------------------------------------------------------
 
-    async def start_next(self, machine: str) -> None:
-        """Start the first job of the queue that is not on hold, if the machine can take it."""
+    async def start_next(self, machine: str, halts: int) -> None:
+        """Start the first job of the queue that is not on hold, if the machine can take it. `halts`: those that there
+        were when somebody, or the end of the job before, asked for it."""
         taken = False
         while not taken:
             async with self._choosing[machine]:
-                row = await self._choose(self.machines[machine])
+                row = await self._choose(self.machines[machine], halts)
             taken = row is None or await self._starter.start(self.machines[machine], row)
         await self.announce_queue(machine)
 
-    async def _choose(self, controller: Controller) -> Row | None:
+    async def _choose(self, controller: Controller, halts: int) -> Row | None:
         """The job that may begin; the machine is reserved for it."""
         rows = await self.db.run(store.queue, controller.name)
         row = next((row for row in rows if not row["hold"]), None)
         if row is None or controller.stream.moving:
             return None
         try:
+            if controller.stream.beginning.halts != halts:
+                raise ProblemError("wrong_state", "a stop or a pause was demanded meanwhile")
             controller.check_can_start()
         except ProblemError as problem:
             log.info("%s: job %d is put on hold: %s", controller.name, row["id"], problem)

@@ -134,7 +134,7 @@ async def _next_in_line(bench: Bench, shop: Workshop, controller: Controller) ->
         controller.pause()
 
     beginning.reserve = reserve_and_pause  # type: ignore[method-assign]
-    await shop.jobs.start_next(MACHINE)
+    await shop.jobs.start_next(MACHINE, shop.machines[MACHINE].stream.beginning.halts)
     await asyncio.sleep(30)
     assert bench.executed() == before
     views = await shop.jobs.list(MACHINE, None, 10, None)

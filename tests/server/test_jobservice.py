@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from server.controller import Controller
 from server.problems import ProblemError
 from tests.harness.simloop import run_simulated, until
 from tests.harness.workshop import MACHINE, Bench, one_chunk
@@ -221,5 +222,74 @@ def test_a_job_that_begins_at_the_very_moment_when_it_is_taken_back(
         # The machine and the database are there for the next one.
         following = await bench.job(PROGRAM)
         await bench.status(following["id"], "completed")
+
+    told(tmp_path, story)
+
+
+def pressed(controller: Controller, verb: str) -> None:
+    """Whatever the answer is."""
+    with contextlib.suppress(ProblemError):
+        getattr(controller, verb)()
+
+
+@pytest.mark.parametrize("verb", ["stop", "pause", "estop"])
+def test_whoever_stops_between_two_jobs_stops_the_second(tmp_path: Path, verb: str) -> None:
+    async def story(bench: Bench) -> None:
+        controller = bench.shop.machines[MACHINE]  # type: ignore[union-attr]
+        await bench.job(PROGRAM)
+        second = await bench.job(PROGRAM)
+        assert (second["status"], second["hold"]) == ("queued", False)
+        slowed(bench, 0.2)
+        await until(lambda: controller.stream.active_job is None, within_s=60)
+        before = bench.executed()
+        pressed(controller, verb)
+        await asyncio.sleep(60)
+        assert bench.executed() == before
+        view = await bench.shop.jobs.get(second["id"])  # type: ignore[union-attr]
+        assert (view["status"], view["hold"]) == ("queued", True)
+
+    told(tmp_path, story)
+
+
+@pytest.mark.parametrize("after_s", [0.3 * step for step in range(9)])
+@pytest.mark.parametrize("verb", ["stop", "pause"])
+def test_whoever_stops_while_a_job_is_made_keeps_it_from_beginning(tmp_path: Path, verb: str, after_s: float) -> None:
+    async def story(bench: Bench) -> None:
+        controller = bench.shop.machines[MACHINE]  # type: ignore[union-attr]
+        stored = await program(bench)
+        slowed(bench, 0.2)
+        making = asyncio.ensure_future(bench.shop.jobs.create(stored, MACHINE, force=True))  # type: ignore[union-attr]
+        await asyncio.sleep(after_s + 0.1)
+        if bench.executed():
+            return  # it has begun, and this is an ordinary stop
+        pressed(controller, verb)
+        job = await making
+        await asyncio.sleep(60)
+        assert bench.executed() == []
+        # What was wanted can be asked for again.
+        if (await bench.shop.jobs.get(job["id"]))["status"] == "queued":  # type: ignore[union-attr]
+            await bench.shop.jobs.resume(job["id"])  # type: ignore[union-attr]
+            await bench.status(job["id"], "completed")
+
+    told(tmp_path, story)
+
+
+def test_a_pause_in_the_last_block_of_a_job_keeps_the_next_one_from_beginning(tmp_path: Path) -> None:
+    async def story(bench: Bench) -> None:
+        controller = bench.shop.machines[MACHINE]  # type: ignore[union-attr]
+        first, second = await bench.job(PROGRAM), await bench.job(PROGRAM)
+
+        def is_at_its_end() -> bool:
+            runner = controller.stream.runner
+            return runner is not None and any(flight.entry.batch.ends_program for flight in runner.flights)
+
+        await until(is_at_its_end, within_s=60, step_s=0.001)
+        controller.pause()
+        await bench.status(first["id"], "completed")
+        before = bench.executed()
+        await asyncio.sleep(60)
+        assert bench.executed() == before
+        view = await bench.shop.jobs.get(second["id"])  # type: ignore[union-attr]
+        assert (view["status"], view["hold"]) == ("queued", True)
 
     told(tmp_path, story)
