@@ -11,7 +11,7 @@ from starlette.datastructures import Headers
 from starlette.responses import Response
 
 from server.api.accessmodels import NewTokenView, SessionRequest, SessionView, TicketView, TokenRequest, TokenView
-from server.api.clientaddress import ADDRESS_KEY
+from server.api.clientaddress import ADDRESS_KEY, TLS_KEY
 from server.api.guard import ATTEMPT_KEY, MADE_KEY, PRINCIPAL_KEY, SESSION_COOKIE, session_cookie
 from server.api.routing import Routes, json_response, principal_of
 from server.api.services import Json, Services
@@ -67,7 +67,7 @@ def _session(app: FastAPI, services: Services) -> None:
             max_age=int(SESSION_LIFETIME_S),
             httponly=True,
             samesite="strict",
-            secure=request.url.scheme == "https",
+            secure=request.scope[TLS_KEY],
         )
         return response
 
@@ -78,7 +78,7 @@ def _session(app: FastAPI, services: Services) -> None:
         if cookie is not None:
             services.tokens.sign_out(cookie)
         response = Response(status_code=204)
-        response.delete_cookie(SESSION_COOKIE, httponly=True, samesite="strict")
+        response.delete_cookie(SESSION_COOKIE, secure=request.scope[TLS_KEY], httponly=True, samesite="strict")
         return response
 
 

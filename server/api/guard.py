@@ -17,7 +17,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from server.api.clientaddress import ADDRESS_KEY, Proxies
+from server.api.clientaddress import ADDRESS_KEY, TLS_KEY, Proxies
 from server.api.problems import PROBLEM_KEY, internal_problem, problem_response, refuse_socket
 from server.auth import NOBODY, Principal, is_loopback
 from server.problems import ProblemError
@@ -169,6 +169,7 @@ class Guard:
         secret = bearer(headers)
         scope[ATTEMPT_KEY] = secret is not None
         address = scope[ADDRESS_KEY] = self._proxies.address_of(scope)
+        scope[TLS_KEY] = self._proxies.is_tls(scope)
         if scope["type"] == "websocket" and (ticket := take_ticket(scope)) is not None:
             return self._redeem(ticket) or NOBODY
         return await self._identify(bearer=secret, cookie=session_cookie(headers), address=address) or NOBODY

@@ -1,4 +1,5 @@
 from http.cookies import SimpleCookie
+from typing import Any
 
 from server.api.guard import SESSION_COOKIE
 from tests.harness.asgisocket import AsgiSocket
@@ -45,6 +46,21 @@ def test_over_tls_the_cookie_is_secure() -> None:
             assert SimpleCookie(answer.headers["set-cookie"])[SESSION_COOKIE]["secure"]
 
     run(main())
+
+
+def test_behind_a_proxy_that_is_known_the_cookie_is_secure_where_the_browser_spoke_tls() -> None:
+    def cookie_of(answer: Any) -> Any:
+        return SimpleCookie(answer.headers["set-cookie"])[SESSION_COOKIE]
+
+    async def main(trusted: tuple[str, ...], proto: str) -> tuple[Any, Any]:
+        settings = FakeServerSettings(host="0.0.0.0", allowed_hosts=("mill.example",), trusted_proxies=trusted)
+        async with FakeWorkshop(settings=settings) as workshop, workshop.client() as client:
+            client.headers["X-Forwarded-Proto"] = proto
+            signed_in = await client.post(SESSION, json={"token": await workshop.token("operator")})
+            return cookie_of(signed_in)["secure"], cookie_of(await client.delete(SESSION))["secure"]
+
+    for trusted, proto, expected in ((("127.0.0.1",), "https", True), (("127.0.0.1",), "http", ""), ((), "https", "")):
+        assert run(main(trusted, proto)) == (expected, expected), (trusted, proto)
 
 
 def test_signing_in_with_a_token_that_is_not_known() -> None:
