@@ -37,9 +37,9 @@ BY_COMMAND_LINE = "command line"
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One row. `via`: bearer, session, local (no tokens), nobody (a wrong token) or command line; `address` is empty on
-    this computer's command line; `target` is the id of a program, token or backup. `lost`: so many rows before this one
-    could not be kept. Holds no secret and no body."""
+    """One row. `via`: bearer, session, local (no tokens), nobody (a wrong token), mqtt or command line; `address` is
+    empty on this computer's command line, and the broker's for MQTT; `target` is the id of a program, token or backup.
+    `lost`: so many rows before this one could not be kept. Holds no secret and no body."""
 
     at: str
     via: str

@@ -82,9 +82,9 @@ class NewTokenView(TokenView):
 
 class AuditView(BaseModel):
     """A request that changed something, or was refused. `route` is the pattern of the address, or the `type` of a
-    message (`method` WS); `target` is the id of a program, a token or a backup. `status` and
-    `code` are those of the answer. `lost`: so many rows before this one were not
-    kept, because the disk could not be written."""
+    message (`method` WS), or the word that came by MQTT; `target` is the id of a program, a token or a backup. `status`
+    and `code` are those of the answer. `lost`: so many rows before this one were not kept, because the disk could not
+    be written."""
 
     model_config = example(
         id=4711,

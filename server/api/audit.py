@@ -54,7 +54,7 @@ def install(app: FastAPI, services: Services) -> None:
         machine: Annotated[str | None, Query(max_length=64, description="Only of this machine")] = None,
         job: Annotated[int | None, Query(ge=1, le=2**53, description="Only of this job")] = None,
         method: Annotated[
-            str | None, Query(max_length=10, description="POST, PATCH, PUT, DELETE, WS or COMMAND")
+            str | None, Query(max_length=10, description="POST, PATCH, PUT, DELETE, WS, MQTT or COMMAND")
         ] = None,
         status: Annotated[int | None, Query(ge=100, le=599, description="Only with this status")] = None,
         code: Annotated[str | None, Query(max_length=MAX_CHARS, description="Only with this code")] = None,

@@ -42,6 +42,15 @@ class Obeys(Protocol):
     def estop(self) -> None: ...
 
 
+VERBS: Mapping[str, Callable[[Obeys], None]] = {
+    "pause": lambda machine: machine.pause(),
+    "stop": lambda machine: machine.stop(),
+    "estop": lambda machine: machine.estop(),
+}
+Audited = Callable[[str, str, ProblemError | None], None]
+"""Told of each command that came: the machine, the word, and why it was refused."""
+
+
 class Bridge:
     """See the head of this file. `protocols`: of each machine, by name; `password` None: none is sent."""
 
@@ -54,6 +63,7 @@ class Bridge:
         password: str | None,
         tls: ssl.SSLContext | None,
         counted: WayOut,
+        audited: Audited,
     ) -> None:
         self._config = config
         self._machines = machines
@@ -61,6 +71,7 @@ class Bridge:
         self._password = password
         self._tls = tls
         self._counted = counted
+        self._audited = audited
         self._topics = Topics(config.prefix)
         self._teller = Teller(self._topics)
         self._outbox = Outbox(config.queue_limit, counted)
@@ -188,13 +199,14 @@ class Bridge:
             self._do(*command)
 
     def _do(self, name: str, word: str) -> None:
-        machine = self._machines[name]
-        verbs: Mapping[str, Callable[[], None]] = {"pause": machine.pause, "stop": machine.stop, "estop": machine.estop}
+        refused: ProblemError | None = None
         try:
-            verbs[word]()
+            VERBS[word](self._machines[name])
             log.info("MQTT: %s of %s was asked for", word, name)
         except ProblemError as problem:
+            refused = problem
             log.warning("MQTT: %s of %s was asked for: %s", word, name, problem)
+        self._audited(name, word, refused)
 
 
 def tls_context(config: MqttConfig) -> ssl.SSLContext | None:

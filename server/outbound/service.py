@@ -112,6 +112,7 @@ class Outbound:
 
     async def _mqtt(self, workshop: "Workshop") -> None:
         from server.outbound.mqtt import Bridge
+        from server.outbound.mqttaudit import asked_by_broker
 
         config = self.config.mqtt
         bridge = Bridge(
@@ -121,6 +122,7 @@ class Outbound:
             password=self._password,
             tls=self._tls,
             counted=workshop.outbound.mqtt,
+            audited=lambda name, word, refused: workshop.audit.note(asked_by_broker(config, name, word, refused)),
         )
         await bridge.run(self._feed(workshop, config.rate))
 

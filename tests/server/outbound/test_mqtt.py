@@ -48,6 +48,7 @@ class Bench:
 
     def __init__(self, broker: Broker, **config: Any) -> None:
         self.hub, self.machine, self.counted, self.broker = Hub(), Machine(), WayOut(), broker
+        self.audited: list[tuple[str, str, str | None]] = []
         self.config = MqttConfig.model_validate({"host": "127.0.0.1", "port": broker.port, "rate": 50.0, **config})
         bridge = Bridge(
             self.config,
@@ -56,6 +57,7 @@ class Bench:
             password=self.config.password,
             tls=None,
             counted=self.counted,
+            audited=lambda name, word, refused: self.audited.append((name, word, refused and refused.code)),
         )
         self._task = asyncio.create_task(bridge.run(Feed(self.hub, rate_hz=50.0, now_stands=lambda: [STANDING])))
 
@@ -122,6 +124,13 @@ def test_commands_where_they_are_allowed_and_no_retained_ones(caplog: pytest.Log
                 while len(bench.machine.asked) < 3:
                     await asyncio.sleep(0.01)
             assert bench.machine.asked == ["stop", "pause", "estop"], "a refusal ends nothing"
+            assert bench.audited == [("router", word, "wrong_state") for word in ("stop", "pause", "estop")]
+            bench.machine.refuses = False
+            broker.send("millstream/router/command", b"pause")
+            async with asyncio.timeout(5):
+                while len(bench.audited) < 4:
+                    await asyncio.sleep(0.01)
+            assert bench.audited[-1] == ("router", "pause", None)
 
     run(main())
     assert "a retained message at millstream/router/command is not obeyed" in caplog.text
