@@ -101,7 +101,8 @@ def append(db: Database, entry: Entry) -> int:
 def page(db: Database, wanted: Wanted, before: int | None, limit: int) -> tuple[list[dict[str, Any]], int | None]:
     """Rows with a lower number than `before`, the newest first, out of SCANNED_ROWS; and from where to go on, None at
     the old end."""
-    top = before if before is not None else _top(db) + 1
+    end = _top(db) + 1
+    top = end if before is None else min(before, end)  # else a far number would be looked through piece by piece
     tests, values = wanted.conditions()
     columns = f"id, {', '.join(COLUMNS)}, hash"
     rows = list(

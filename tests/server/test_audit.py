@@ -72,6 +72,7 @@ def test_pages_newest_first_with_filters(monkeypatch: pytest.MonkeyPatch) -> Non
 
     assert numbers(Wanted()) == ([10, 9, 8], 8)
     assert numbers(Wanted(), before=2) == ([1], None)
+    assert numbers(Wanted(), before=2**53) == numbers(Wanted()), "what is far beyond the end is the end"
     assert numbers(Wanted(machine="lathe")) == ([10, 8], 7)
     assert numbers(Wanted(job=1)) == ([], 7)
     assert numbers(Wanted(until=AT)) == ([], 7)
