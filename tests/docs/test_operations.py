@@ -28,7 +28,7 @@ def test_metrics_that_are_worth_an_alarm_exist() -> None:
 
 def test_messages_of_a_start_that_fails_are_those_of_the_code() -> None:
     folder = ROOT / "server"
-    code = "".join(path.read_text(encoding="utf-8") for path in (*folder.glob("*.py"), *folder.glob("cli/*.py")))
+    code = "".join(path.read_text(encoding="utf-8") for path in sorted(folder.rglob("*.py")))
     code = re.sub(r'"\s*f?"', "", code)
     for said in (
         "another millstream daemon works here",
