@@ -8,14 +8,14 @@ job, then the history.
 import asyncio
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from jobs.delivery import STANDING
 from jobs.job import Status
-from protocol.commands import ClearAlarm, EmergencyStop, ListFiles, RunBlock, RunFile
+from protocol.commands import ClearAlarm, EmergencyStop, ListFiles, RunFile
 from protocol.events import CommandFailed, FilesListed
 from protocol.machine import tool_confirmed
+from server import handblocks
 from server.machine import Machine
 from server.manual import Answer, Make, MakeRealtime
 from server.problems import ProblemError
@@ -260,36 +260,7 @@ class Controller(Machine):
 
     async def run_blocks(self, blocks: list[str]) -> list[dict[str, Any]]:
         """Run blocks one after the other; a result for each that was sent. Raises ProblemError."""
-        self.check_by_hand()
-        for block in blocks:
-            if not block.strip() or not block.isprintable() or self.verbs.forbidden & set(block):
-                raise ProblemError("invalid_request", f"{block!r} is not one block of G-code.")
-            if self.verbs.system is not None and block.lstrip().startswith(self.verbs.system):
-                advice = "the settings, the offsets, homing and the rest have addresses of their own."
-                raise ProblemError("invalid_request", f"{block!r} is a system command and no G-code: {advice}")
-        results: list[dict[str, Any]] = []
-        for block in blocks:
-            error = await self._run_block(block)
-            results.append({"block": block, "ok": error is None, "error": error})
-            if error is not None:
-                break
-            self.check_by_hand()
-        return results
-
-    async def _run_block(self, block: str) -> dict[str, Any] | None:
-        """What was wrong with it, or None. Raises ProblemError."""
-        makes: list[Make] = [partial(RunBlock, blocks=(block.strip(),))]
-        if self.hand is not None:
-            try:
-                makes = self.hand.commands(block, self.program_position)
-            except ProblemError as problem:
-                return {"code": None, "message": problem.detail}
-        for make in makes:
-            end = (await self.ask(make)).end
-            if isinstance(end, CommandFailed):
-                return {"code": end.code, "message": end.message}
-        self.tools.typed(block, turret=self.hand is not None)
-        return None
+        return await handblocks.run(self, blocks)
 
     async def jog(self, axes: dict[str, float], feed: float) -> None:
         """A relative move; answers when it is accepted. Raises ProblemError."""

@@ -6,7 +6,8 @@ machine, or because the epoch ended, or because an emergency stop swept the queu
 
 import asyncio
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -52,6 +53,18 @@ class Answer:
         return next(event for event in self.events if isinstance(event, kind))
 
 
+@dataclass(slots=True, eq=False)
+class Row:
+    """Several commands of one request, one after the other. `problem`: why the rest is not sent."""
+
+    problem: ProblemError | None = None
+
+    def check(self) -> None:
+        """Raises ProblemError."""
+        if self.problem is not None:
+            raise self.problem
+
+
 @dataclass(slots=True)
 class _Waiting:
     command: Command
@@ -75,6 +88,7 @@ class Manual:
         self._token = 0
         self._queue: deque[_Waiting] = deque()
         self._sent: dict[int, _Sent] = {}
+        self._rows: set[Row] = set()
         self.touched = 0
         """Another number: a command that is more than a question was handed over, or the controller was reset, or the
         epoch ended. What was planned from what the machine held before may be wrong then."""
@@ -82,18 +96,18 @@ class Manual:
     @property
     def busy(self) -> bool:
         """Something by hand is under way."""
-        return bool(self._queue or self._sent)
+        return bool(self._queue or self._sent or self._rows)
 
     @property
     def acts(self) -> bool:
         """Something by hand is under way that is more than a question: a reader must not keep a job from beginning."""
         commands = [*(one.command for one in self._queue), *(one.command for one in self._sent.values())]
-        return any(not isinstance(command, QUESTIONS) for command in commands)
+        return bool(self._rows) or any(not isinstance(command, QUESTIONS) for command in commands)
 
     @property
     def moves(self) -> bool:
-        """Something that may move is with the machine and has no end yet."""
-        return any(isinstance(one.command, RunBlock | Home | Jog) for one in self._sent.values())
+        """Something that may move is with the machine and has no end yet, or the next of a row is about to be."""
+        return bool(self._rows) or any(isinstance(one.command, RunBlock | Home | Jog) for one in self._sent.values())
 
     @property
     def waiting(self) -> bool:
@@ -104,6 +118,16 @@ class Manual:
         """A token that no other command has."""
         self._token += 1
         return self._token
+
+    @contextmanager
+    def row(self) -> Iterator[Row]:
+        """Several commands of one request. Between two of them nothing is with the machine, but they are under way."""
+        row = Row()
+        self._rows.add(row)
+        try:
+            yield row
+        finally:
+            self._rows.discard(row)
 
     def put(self, make: Make, *, droppable: bool = False) -> asyncio.Future[Answer]:
         """Queue a command; the future is the answer. `droppable`: a jog cancel may still take it back. Who cancels the
@@ -171,7 +195,9 @@ class Manual:
         self._queue = kept
 
     def sweep(self, problem: ProblemError) -> None:
-        """Nothing more is handed over; who waits in the queue is told why."""
+        """Nothing more is handed over, nor the rest of a row; who waits is told why."""
+        for row in self._rows:
+            row.problem = row.problem or problem
         queue, self._queue = self._queue, deque()
         for waiting in queue:
             _refuse(waiting.future, problem)
