@@ -152,10 +152,10 @@ class Daemon:
             assert time.monotonic() < deadline, f"job {job} is {view['status']}, not {status}: {view['error']}"
             await asyncio.sleep(0.1)
 
-    async def connected(self) -> None:
+    async def connected(self, machine: str = MACHINE) -> None:
         """Wait for the machine."""
         async with asyncio.timeout(START_WITHIN_S):
-            while (await self._http.get(f"/machines/{MACHINE}")).json()["link"] != "connected":
+            while (await self._http.get(f"/machines/{machine}")).json()["link"] != "connected":
                 await asyncio.sleep(0.05)
 
 

@@ -58,6 +58,7 @@ class Witness:
         self._sizes: list[int] = []
         self._rest = b""
         self._holds_at: list[float] = []
+        self._told_lines = self._told_holds = 0
 
     def heard(self, data: bytes, now: float) -> None:
         """The sender has written this."""
@@ -88,6 +89,17 @@ class Witness:
             dropped_bytes=self.machine.dropped_bytes,
             holds_at=self._holds_at,
         )
+
+    def news(self) -> dict[str, Any]:
+        """When the moves began and ended that have ended since this was last asked, in order, and the feed holds."""
+        executed = self.machine.executed
+        moves: list[tuple[float | None, float | None]] = []
+        while self._told_lines < len(executed) and executed[self._told_lines].finished:
+            moves += [(move.began_at, move.ended_at) for move in executed[self._told_lines].moves]
+            self._told_lines += 1
+        holds = self._holds_at[self._told_holds :]
+        self._told_holds += len(holds)
+        return {"moves": moves, "holds_at": holds}
 
     def _obeyed(self, line: Executed) -> None:
         if not line.text.startswith(OURS):
@@ -124,7 +136,7 @@ class _HeardPump(Pump):
 
 
 async def serve(baud: int, acceleration: float) -> None:
-    """Until standard input ends; a number on it is answered with the lines obeyed so far."""
+    """Until standard input ends; `news` on it is answered with that, anything else with the lines obeyed so far."""
     loop = asyncio.get_running_loop()
     witness = Witness(settings(acceleration), now=loop.time())
     pump = _HeardPump(witness.machine, baud=baud)
@@ -134,9 +146,8 @@ async def serve(baud: int, acceleration: float) -> None:
     _say({"port": shell.port})
     reader = asyncio.StreamReader()
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
-    while (line := await reader.readline()).strip():
-        _say({"lines": witness.lines})
-        assert line
+    while line := (await reader.readline()).strip():
+        _say(witness.news() if line == b"news" else {"lines": witness.lines})
     _say(asdict(witness.seen(baud)))
     await shell.close()
 

@@ -39,6 +39,10 @@ class Peer:
             while await self.lines() < lines:
                 await asyncio.sleep(POLL_S)
 
+    async def news(self) -> dict[str, Any]:
+        """`Witness.news`."""
+        return await self._ask(b"news\n")
+
     async def seen(self) -> Seen:
         """What it has seen; it ends with that."""
         return Seen(**await self._ask(b"\n"))

@@ -1,227 +1,299 @@
-"""Many at once beside a job: dashboards alone, then readers, requests and a large upload, and a pause among them.
+"""Many at once beside two jobs: dashboards alone, then readers, requests and a large upload, and pauses among them.
 
-The same job runs quiet, with dashboards and with everything, on an ElVinto and on a Grbl; what is printed are ratios of
-these runs. The daemon, the Grbl and the crowd are processes of their own. The one rule: whoever asks, reads and uploads
-has the lowest priority, for it stands for other computers.
+The same two jobs go on through all of it, on an ElVinto and on a Grbl; quiet phases and crowded ones take turns, and
+what is printed are ratios of these, with their spread. The one rule: who asks, reads and uploads has the lowest
+priority of the system, for it stands for other computers, and a stand-in for the daemon shows what that costs anyway.
 """
 
 import asyncio
-import json
-import tempfile
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
-from contextlib import AsyncExitStack, asynccontextmanager
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from contextlib import AsyncExitStack
+from dataclasses import dataclass, replace
 from random import Random
 from statistics import quantiles
-from typing import TypeVar
 
 from bench import grbl
-from bench.daemon import Daemon, Mill, daemon, serving
-from bench.grblpeer import Seen
-from bench.grblrig import peer, process
-from bench.loadclients import Load, loaded
-from bench.programs import relief
+from bench.grblpeer import HOST
+from bench.loadclients import Crowd, Load
+from bench.loadrig import SEED, Phase, Workshop, standing_in, workshop
+from bench.phases import Ratio, in_turns, median_ratio, ratio
 from bench.report import Figure, Report
-from bench.tap import DeadTime, dead_time
-from sim.elvinto.settings import SimSettings
 
-TITLE = "load: many readers, requests and an upload beside a job"
+TITLE = "load: many readers, requests and an upload beside two jobs"
+PARTS = ("dashboards", "workshop", "pause")
 GOAL_RATIO = 1.05
 GOAL_PAUSE_MS = 20.0
 GOAL_UPLOAD_GB = 1.0
-SEED = 31
-BAUD = 115200
-ACCELERATION = 10_000.0
 DASHBOARDS = 60
 READERS = 100
-RATE_HZ = 20.0
 REQUESTS_S = 50.0
 UPLOAD_BYTES = 1_000_000_000
-Found = TypeVar("Found")
 EVERYTHING = f"{grbl.DASHBOARD},console"
+QUIET, CROWD, STAND_IN = "quiet", "crowd", "stand-in"
+SLOWEST = 2.0
+"""The jobs are long enough for a computer that takes so much longer."""
+NOTE = (
+    "readers, clients and the upload are two processes of the lowest priority (nice 19): they are other computers' work"
+)
+
+Say = Callable[[str], None]
+Group = tuple[str, Iterator[Figure]]
 
 
 @dataclass(frozen=True, slots=True)
-class Crowd:
-    """Who is there beside the job."""
+class Plan:
+    """How long and how many. `pressed` and `pressed_quiet` are presses in each phase of pauses."""
 
-    readers: int = 0
-    topics: str = grbl.DASHBOARD
-    requests_s: float = 0.0
-    upload_bytes: int = 0
+    readers: int = READERS
+    upload_bytes: int = UPLOAD_BYTES
+    phase_s: float = 6.0
+    rounds: int = 5
+    dashboard_rounds: int = 4
+    pressed: int = 60
+    pressed_quiet: int = 25
+    pause_rounds: int = 2
 
-
-@dataclass(slots=True)
-class Came:
-    """What the crowd got."""
-
-    messages_s: float = 0.0
-    """Of one reader."""
-    load: Load | None = None
-
-
-QUIET = Crowd()
-
-
-@asynccontextmanager
-async def crowd(running: Daemon, who: Crowd) -> AsyncIterator[Came]:
-    """They are there until the end of the block; then `Came` says what they got."""
-    host, port = running.address
-    came = Came()
-    async with AsyncExitStack() as stack:
-        readers = clients = None
-        if who.readers:
-            url = f"ws://{host}:{port}/api/v1"
-            arguments = (url, str(who.readers), who.topics, str(RATE_HZ))
-            readers = await stack.enter_async_context(process("bench.grblreaders", *arguments))
-            await _line(readers)
-        if who.requests_s:
-            arguments = (host, str(port), str(who.requests_s), str(who.upload_bytes))
-            clients = await stack.enter_async_context(process("bench.loadclients", *arguments))
-            await _line(clients)
-        yield came
-        if readers is not None:
-            messages, seconds = map(float, (await _last(readers)).split())
-            came.messages_s = messages / seconds / who.readers
-        if clients is not None:
-            came.load = loaded(json.loads(await _last(clients)))
+    def seconds(self, parts: Sequence[str]) -> float:
+        """About as long as it takes on quiet cores."""
+        of = {
+            "dashboards": self.dashboard_rounds * 2 * (self.phase_s + 1.2),
+            "workshop": self.rounds * 3 * (self.phase_s + 1.7),
+            "pause": self.pause_rounds * (4.0 + 0.36 * (self.pressed + self.pressed_quiet)),
+        }
+        return 10.0 + sum(of[part] for part in parts)
 
 
-async def _line(one: asyncio.subprocess.Process) -> str:
-    assert one.stdout is not None
-    return (await one.stdout.readline()).decode()
+def silent(_: str) -> None:
+    """For who wants the report alone."""
 
 
-async def _last(one: asyncio.subprocess.Process) -> str:
-    """Its standard input ends, and it says what there was."""
-    assert one.stdin is not None
-    one.stdin.close()
-    return await _line(one)
+class Crowded:
+    """Phases of one workshop with a crowd and without, in turns."""
+
+    def __init__(self, shop: Workshop, crowd: Crowd, say: Say) -> None:
+        host, port = shop.daemon.address
+        self._shop = shop
+        self._crowds = {CROWD: replace(crowd, host=host, port=port)}
+        self._say = say
+        self._there = QUIET
+        self.phases: dict[str, list[Phase]] = {QUIET: [], CROWD: [], STAND_IN: []}
+        self.loads: dict[str, Load] = {CROWD: Load(), STAND_IN: Load()}
+        self.peak_mb = self.before_mb = shop.daemon.resident_mb()
+
+    async def turns(self, name: str, conditions: Sequence[str], rounds: int, phase_s: float) -> None:
+        """All of it; afterwards nobody is there."""
+        async with AsyncExitStack() as stack:
+            order = list(in_turns(conditions, rounds))
+            for number, condition in enumerate(order, 1):
+                if condition == STAND_IN and STAND_IN not in self._crowds:
+                    # It is told to say as much as the daemon has said so far.
+                    await self.change(QUIET)
+                    port = await stack.enter_async_context(standing_in(*self._manner()))
+                    self._crowds[STAND_IN] = replace(self._crowds[CROWD], host=HOST, port=port)
+                await self.change(condition)
+                phase = await self._shop.measured(phase_s)
+                self.phases[condition].append(phase)
+                self._say(f"  {name} {number}/{len(order)}: {_line(condition, phase)}")
+            await self.change(QUIET)
+
+    async def change(self, condition: str) -> None:
+        """Who is there from now on."""
+        if condition == self._there:
+            return
+        if self._there != QUIET:
+            self.loads[self._there] += await self._shop.crowds.go()
+            self.peak_mb = max(self.peak_mb, self._shop.daemon.resident_mb(peak=True))
+        if condition != QUIET:
+            await self._shop.crowds.come(self._crowds[condition])
+        self._there = condition
+
+    def _manner(self) -> tuple[int, int, float]:
+        got, readers = self.loads[CROWD], max(self._crowds[CROWD].readers, 1)
+        return (
+            got.answer_bytes // max(got.requests, 1),
+            got.read_bytes // max(got.pieces, 1),
+            got.pieces / max(got.seconds, 1e-9) / readers,
+        )
+
+    def elvinto(self, condition: str) -> Ratio:
+        """Dead time against that of the quiet phases."""
+        return ratio([one.dead for one in self.phases[condition]], [one.dead for one in self.phases[QUIET]])
+
+    def grbl(self, condition: str) -> Ratio:
+        """Seconds of a row, likewise."""
+        return ratio([one.row for one in self.phases[condition]], [one.row for one in self.phases[QUIET]])
 
 
-# --- the same job beside a crowd --------------------------------------------------------------------------------------
+def _line(condition: str, phase: Phase) -> str:
+    dead, row = phase.dead, phase.row
+    return (
+        f"{condition:<9} ElVinto dead {1e3 * dead.mean:7.2f} ms a batch ({dead.count:.0f}), "
+        f"Grbl {1e3 * row.mean:7.2f} ms a row ({row.count:.0f}), dry {phase.starved_s:.3f} s, "
+        f"daemon {100 * phase.cpu_s / phase.seconds:.0f} % of a core"
+    )
 
 
-async def on_elvinto(lines: int, who: Crowd) -> tuple[DeadTime, Came]:
-    """A relief on a line of 115200 baud."""
-    mill = Mill(SimSettings(acceleration=ACCELERATION))
-    with tempfile.TemporaryDirectory(prefix="millstream-bench-") as folder:
-        async with mill.serve(baud=BAUD, tapped=True), daemon(Path(folder), mill, baud=BAUD) as running:
-            program = await running.upload(relief(SEED, lines))
-            async with crowd(running, who) as came:
-                job = await running.run(program)
-                await mill.until(within_s=1200.0)
-            await running.settled(job, "completed", within_s=60.0)
-    return dead_time(mill.tap, mill.executed(), BAUD), came
+# --- the rows ---------------------------------------------------------------------------------------------------------
 
 
-async def on_grbl(lines: int, who: Crowd) -> tuple[Seen, Came]:
-    """Lines of 5 ms: whoever is late by a planner's length has a machine that stands still."""
-    program = [*grbl.carved(SEED, lines, step_mm=grbl.STEP_MM)]
-    with tempfile.TemporaryDirectory(prefix="millstream-bench-") as folder:
-        async with (
-            peer(BAUD, grbl.ACCELERATION) as mill,
-            serving(Path(folder), grbl.machine(mill.url, compact=True)) as running,
-        ):
-            stored = await running.upload(iter(program))
-            async with crowd(running, who) as came:
-                job = await running.run(stored)
-                await mill.until(lines, within_s=1200.0)
-            await running.settled(job, "completed", within_s=60.0)
-            return await mill.seen(), came
+def on_elvinto(found: Crowded) -> Iterator[Figure]:
+    """What the crowd does to the time between batches."""
+    yield found.elvinto(CROWD).figure("dead time / the quiet phases'", goal=GOAL_RATIO)
+    crowd, quiet = (_gaps(found.phases[condition]) for condition in (CROWD, QUIET))
+    yield Figure("the same of the phases' medians", median_ratio(crowd, quiet), "x", digits=3)
+    if found.phases[STAND_IN]:
+        yield found.elvinto(STAND_IN).figure("with a stand-in for the daemon / the quiet phases'")
+    for heading, name in (
+        ("dead time of a batch", "dead_s"),
+        ("  the daemon between OK and the next command", "turnaround_s"),
+        ("  OK late: behind a STATE, or the machine's timer", "answer_wait_s"),
+        ("  the command slower than its bytes", "command_wait_s"),
+    ):
+        for condition in (QUIET, CROWD, STAND_IN):
+            if found.phases[condition]:
+                yield Figure(f"{heading}, {condition}", _of_a_gap(found.phases[condition], name), "ms", digits=3)
+    for condition in (QUIET, CROWD):
+        yield Figure(f"batches, {condition}", sum(one.dead.count for one in found.phases[condition]), digits=0)
 
 
-async def paused(presses: int, who: Crowd) -> tuple[list[float], Came]:
-    """Seconds from the first byte of `POST /pause` to the `!` at the controller's end of the wire, sorted."""
-    random = Random(SEED)
-    program = [*grbl.carved(SEED, 20_000 + 500 * presses, step_mm=grbl.STEP_MM)]
-    with tempfile.TemporaryDirectory(prefix="millstream-bench-") as folder:
-        async with (
-            peer(BAUD, grbl.ACCELERATION) as mill,
-            serving(Path(folder), grbl.machine(mill.url, compact=True)) as running,
-        ):
-            job = await running.run(await running.upload(iter(program)))
-            await mill.until(50)
-            async with crowd(running, who) as came:
-                pressed = [await grbl.pressed(running, random) for _ in range(presses)]
-            await running.cancel(job)
-            await running.settled(job, "cancelled")
-            held = (await mill.seen()).holds_at
-    return sorted(grbl.first_after(held, at) - at for at in pressed), came
+def _gaps(phases: Sequence[Phase]) -> list[float]:
+    return [one.dead.mean for one in phases if one.dead.count]
 
 
-# --- the report -------------------------------------------------------------------------------------------------------
+def _of_a_gap(phases: Sequence[Phase], name: str) -> float:
+    total_s = sum(float(getattr(one.elvinto, name)) for one in phases if one.elvinto is not None)
+    return 1e3 * total_s / max(sum(one.dead.count for one in phases), 1)
 
 
-def _elvinto(found: DeadTime, quiet: DeadTime, came: Came, who: Crowd) -> Iterator[Figure]:
-    gap_ms = 1000 / max(found.batches - 1, 1)
-    yield Figure("dead time / the quiet run's", found.dead_s / quiet.dead_s, "x", goal=GOAL_RATIO, digits=3)
-    yield Figure("dead time of a batch", found.dead_s * gap_ms, "ms", digits=3)
-    yield Figure("  the daemon between OK and the next command", found.turnaround_s * gap_ms, "ms", digits=3)
-    yield Figure("  the same in the quiet run", quiet.turnaround_s * gap_ms, "ms", digits=3)
-    yield Figure("  OK late: behind a STATE, or the machine's timer", found.answer_wait_s * gap_ms, "ms", digits=3)
-    yield from _came(came, who)
+def on_grbl(found: Crowded) -> Iterator[Figure]:
+    """What it does to a planner: one that runs dry, or has little ahead, takes longer for a row."""
+    yield found.grbl(CROWD).figure("time of a row / the quiet phases'", goal=GOAL_RATIO)
+    crowd, quiet = ([s for one in found.phases[condition] for s in one.rows_s] for condition in (CROWD, QUIET))
+    yield Figure("the same of the rows' medians", median_ratio(crowd, quiet), "x", digits=3)
+    if found.phases[STAND_IN]:
+        yield found.grbl(STAND_IN).figure("with a stand-in for the daemon / the quiet phases'")
+    for condition in (QUIET, CROWD, STAND_IN):
+        if phases := found.phases[condition]:
+            dry_s = sum(one.starved_s for one in phases) / sum(one.seconds for one in phases)
+            yield Figure(f"planner run dry, of the time, {condition}", 100 * dry_s, "%", digits=3)
+    for condition, rows_s in ((QUIET, quiet), (CROWD, crowd)):
+        yield Figure(f"rows, {condition}", len(rows_s), digits=0)
 
 
-def _grbl(found: Seen, quiet: Seen, came: Came, who: Crowd) -> Iterator[Figure]:
-    ratio = found.motion_s / quiet.motion_s if quiet.motion_s else 0.0
-    yield Figure("from the first move to the last / the quiet run's", ratio, "x", goal=GOAL_RATIO, digits=3)
-    yield Figure("planner run dry", found.starved_s, "s", digits=3)
-    yield Figure("planner run dry in the quiet run", quiet.starved_s, "s", digits=3)
-    yield from _came(came, who)
-
-
-def _came(came: Came, who: Crowd) -> Iterator[Figure]:
-    if who.readers:
-        yield Figure("messages a second to each reader", came.messages_s, digits=1)
-    if (load := came.load) is not None:
-        yield Figure("requests a second", load.requests / load.seconds, goal=0.98 * REQUESTS_S, sense="least", digits=1)
-        yield Figure("requests refused" + "".join(f", {one}" for one in load.refusals), load.refused, goal=0, digits=0)
+def came(found: Crowded, crowd: Crowd) -> Iterator[Figure]:
+    """What they got: less than asked for is not the load that it should be."""
+    load = found.loads[CROWD]
+    seconds = max(load.seconds, 1e-9)
+    if crowd.readers:
+        yield Figure("messages a second to each reader", load.messages / seconds / crowd.readers, digits=1)
+    if crowd.requests_s:
+        goal = 0.98 * crowd.requests_s
+        yield Figure("requests a second", load.requests / seconds, goal=goal, sense="least", digits=1)
         yield Figure("answered, p99", 1e3 * load.p99_s, "ms", digits=1)
-        if who.upload_bytes:
-            yield Figure("uploaded meanwhile", load.uploaded_bytes / 1e9, "GB", goal=GOAL_UPLOAD_GB, sense="least")
+    yield Figure("refused or cut off" + "".join(f", {one}" for one in load.refusals), load.refused, goal=0, digits=0)
+    if crowd.upload_bytes:
+        goal = GOAL_UPLOAD_GB * crowd.upload_bytes / UPLOAD_BYTES
+        yield Figure("uploaded meanwhile", load.uploaded_bytes / 1e9, "GB", goal=goal, sense="least")
+        yield Figure("  a second", load.uploaded_bytes / seconds / 1e6, "MB", digits=1)
+    for condition in (QUIET, CROWD):
+        phases = found.phases[condition]
+        if seconds := sum(one.seconds for one in phases):
+            yield Figure(
+                f"the daemon, of one core, {condition}", 100 * sum(one.cpu_s for one in phases) / seconds, "%", digits=0
+            )
+    yield Figure("memory of the daemon before", found.before_mb, "MiB", digits=1)
+    yield Figure("memory of the daemon, highest", found.peak_mb, "MiB", digits=1)
 
 
-def _late(found: list[float], came: Came, who: Crowd, *, goal: float) -> Iterator[Figure]:
-    cuts = quantiles(found, n=100, method="inclusive")
-    yield Figure("presses", len(found), digits=0)
+def late(lates_s: list[float], *, goal: float | None) -> Iterator[Figure]:
+    """Rows of sorted seconds."""
+    cuts = quantiles(lates_s, n=100, method="inclusive")
+    yield Figure("presses", len(lates_s), digits=0)
     yield Figure("median", 1e3 * cuts[49], "ms")
     yield Figure("p99", 1e3 * cuts[98], "ms", goal=goal)
-    yield Figure("longest", 1e3 * found[-1], "ms")
-    yield from _came(came, who)
+    yield Figure("longest", 1e3 * lates_s[-1], "ms")
 
 
-def _beside(
-    name: str,
-    crowds: dict[str, Crowd],
-    run_job: Callable[[Crowd], Awaitable[tuple[Found, Came]]],
-    figures: Callable[[Found, Found, Came, Crowd], Iterator[Figure]],
-) -> Iterator[tuple[str, Iterator[Figure]]]:
-    quiet, _ = asyncio.run(_awaited(run_job(QUIET)))
-    for heading, who in crowds.items():
-        found, came = asyncio.run(_awaited(run_job(who)))
-        yield f"{name}, {heading}", figures(found, quiet, came, who)
+# --- the parts --------------------------------------------------------------------------------------------------------
 
 
-async def _awaited(found: Awaitable[Found]) -> Found:
-    return await found
-
-
-def run(
-    *, lines: int = 2000, grbl_lines: int = 8000, presses: int = 200, readers: int = READERS, upload: int = UPLOAD_BYTES
-) -> Report:
-    """All of it; with fewer readers there are fewer dashboards, too."""
-    everything = Crowd(readers, EVERYTHING, REQUESTS_S, upload)
-    crowds = {
-        f"{min(readers, DASHBOARDS)} dashboards": Crowd(min(readers, DASHBOARDS)),
-        f"{readers} readers of {RATE_HZ:g} Hz, {REQUESTS_S:g} requests/s, an upload": everything,
-    }
-    groups = [
-        *_beside("ElVinto", crowds, lambda who: on_elvinto(lines, who), _elvinto),
-        *_beside("Grbl", crowds, lambda who: on_grbl(grbl_lines, who), _grbl),
+async def dashboards(shop: Workshop, plan: Plan, say: Say) -> list[Group]:
+    """Only readers."""
+    crowd = Crowd("", 0, min(plan.readers, DASHBOARDS), grbl.DASHBOARD)
+    found = Crowded(shop, crowd, say)
+    await found.turns("dashboards", (QUIET, CROWD), plan.dashboard_rounds, plan.phase_s)
+    who = f"{crowd.readers} dashboards"
+    return [
+        (f"ElVinto, {who}", on_elvinto(found)),
+        (f"Grbl, {who}", on_grbl(found)),
+        (f"What {who} got", came(found, crowd)),
     ]
-    for heading, who in {"quiet": QUIET, **crowds}.items():
-        found, came = asyncio.run(paused(presses, who))
-        groups.append((f"POST /pause to `!`, {heading}", _late(found, came, who, goal=GOAL_PAUSE_MS)))
-    return Report.of(TITLE, groups)
+
+
+def everybody(plan: Plan) -> Crowd:
+    """Readers, requests, an upload."""
+    return Crowd("", 0, plan.readers, EVERYTHING, requests_s=REQUESTS_S, upload_bytes=plan.upload_bytes)
+
+
+async def everything(shop: Workshop, plan: Plan, say: Say) -> list[Group]:
+    """All of them together."""
+    crowd = everybody(plan)
+    found = Crowded(shop, crowd, say)
+    await found.turns("workshop", (QUIET, CROWD, STAND_IN), plan.rounds, plan.phase_s)
+    who = f"{crowd.readers} readers of {crowd.rate_hz:g} Hz, {crowd.requests_s:g} requests/s, an upload"
+    return [
+        (f"ElVinto, {who}", on_elvinto(found)),
+        (f"Grbl, {who}", on_grbl(found)),
+        (f"What {who} got", came(found, crowd)),
+    ]
+
+
+async def pauses(shop: Workshop, plan: Plan, say: Say) -> list[Group]:
+    """`POST /pause` on the Grbl, beside nobody and beside everybody."""
+    crowd, random = everybody(plan), Random(SEED)
+    found = Crowded(shop, crowd, say)
+    lates_s: dict[str, list[float]] = {QUIET: [], CROWD: []}
+    order = list(in_turns((QUIET, CROWD), plan.pause_rounds))
+    for number, condition in enumerate(order, 1):
+        await found.change(condition)
+        await shop.holds_at()
+        presses = plan.pressed if condition == CROWD else plan.pressed_quiet
+        pressed = [await grbl.pressed(shop.daemon, random) for _ in range(presses)]
+        held = await shop.holds_at()
+        these_s = [grbl.first_after(held, at) - at for at in pressed]
+        lates_s[condition] += these_s
+        say(
+            f"  pause {number}/{len(order)}: {condition:<9} {presses} presses, "
+            f"{1e3 * sum(these_s) / presses:.1f} ms in the mean, longest {1e3 * max(these_s):.1f} ms"
+        )
+    await found.change(QUIET)
+    return [
+        *(
+            (f"POST /pause to `!`, {condition}", late(sorted(lates_s[condition]), goal=GOAL_PAUSE_MS))
+            for condition in (QUIET, CROWD)
+        ),
+        ("What the crowd got beside the pauses", came(found, crowd)),
+    ]
+
+
+async def _parts(only: Sequence[str], plan: Plan, say: Say) -> AsyncIterator[Group]:
+    """Each part's groups when it has ended."""
+    take = {"dashboards": dashboards, "workshop": everything, "pause": pauses}
+    async with workshop(SLOWEST * plan.seconds(only)) as shop:
+        for part in only:
+            for heading, figures in await take[part](shop, plan, say):
+                yield heading, figures
+
+
+def run(only: Sequence[str] = PARTS, *, say: Say = silent, plan: Plan | None = None) -> Report:
+    """The parts that are named, one after the other; `say` is told each as it ends, and how far it is."""
+    return asyncio.run(_told(only or PARTS, say, plan or Plan()))
+
+
+async def _told(only: Sequence[str], say: Say, plan: Plan) -> Report:
+    say(f"=== {TITLE}\n\n  about {plan.seconds(only):.0f} s\n  {NOTE}")
+    groups: list[tuple[str, tuple[Figure, ...]]] = []
+    async for heading, figures in _parts(only, plan, say):
+        groups.append((heading, tuple(figures)))
+        say("\n".join(["", heading, *map(str, groups[-1][1])]))
+    return Report(TITLE, tuple(groups))

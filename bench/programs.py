@@ -14,7 +14,7 @@ RELIEF_HEAD = ("%", "(relief)", "G21 G90", "G0 Z5", "M3 S12000", "G0 X0 Y0")
 RELIEF_TAIL = ("G0 Z5", "M5", "M30")
 
 
-def relief(seed: int, lines: int, *, wordy: bool = True) -> Iterator[str]:
+def relief(seed: int, lines: int, *, wordy: bool = True, feed_mm_min: int = 1800) -> Iterator[str]:
     """A surface cut row by row, `lines` lines long; `wordy` as most CAM writes it, every word in every line."""
     random = Random(seed)
     surface = _surface(random)
@@ -27,9 +27,9 @@ def relief(seed: int, lines: int, *, wordy: bool = True) -> Iterator[str]:
         y_mm = STEP_MM * y
         z_mm = surface(x_mm, y_mm)
         if wordy:
-            yield f"N{index * 10 + 100} G1 X{x_mm:.3f} Y{y_mm:.3f} Z{z_mm:.3f} F1800.0"
+            yield f"N{index * 10 + 100} G1 X{x_mm:.3f} Y{y_mm:.3f} Z{z_mm:.3f} F{feed_mm_min}.0"
         elif x == 0:
-            yield f"G1 Y{y_mm:.3f} Z{z_mm:.3f} F1800"
+            yield f"G1 Y{y_mm:.3f} Z{z_mm:.3f} F{feed_mm_min}"
         else:
             yield f"X{x_mm:.3f} Z{z_mm:.3f}"
     yield from RELIEF_TAIL

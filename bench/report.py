@@ -10,7 +10,7 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """`value` in `unit`; with `goal` it is to be at most or at least that (`sense`)."""
+    """`value` in `unit`, give or take `spread`; with `goal` it is to be at most or at least that (`sense`)."""
 
     name: str
     value: float
@@ -18,6 +18,7 @@ class Figure:
     goal: float | None = None
     sense: Literal["most", "least"] = "most"
     digits: int = 2
+    spread: float | None = None
 
     @property
     def met(self) -> bool | None:
@@ -28,6 +29,8 @@ class Figure:
 
     def __str__(self) -> str:
         value = f"{self.value:>12,.{self.digits}f} {self.unit}"
+        if self.spread is not None:
+            value += f" +- {self.spread:.{self.digits}f}"
         if self.goal is None:
             return f"  {self.name:<52} {value}".rstrip()
         word = "ok" if self.met else "MISSED"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bench import frames, instant, memory, reading, streaming, toolpath, wire
+from bench import frames, instant, load, memory, reading, streaming, toolpath, wire
 from bench.__main__ import NAMES, main
 from bench.programs import as_bytes, raster, relief
 from bench.reader import KINDS
@@ -109,6 +109,22 @@ def test_an_unknown_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["nonsense"]) == 2
     refusal = capsys.readouterr().err
     assert all(name in refusal for name in NAMES)
+
+
+@pytest.mark.parametrize("arguments", [["load", "--only", "nonsense"], ["wire", "--only", "pause"], ["load", "--only"]])
+def test_an_unknown_part_is_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) == 2
+    assert f"{arguments[0]} has no part" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["load"], ["load", "--only", "pause"], ["--only", "pause", "load"]])
+def test_a_part_is_handed_on_and_what_it_says_is_printed(
+    arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(load, "run", lambda only, *, say: say(f"parts: {only}"))
+    assert main(arguments) == 0
+    said = capsys.readouterr().out
+    assert f"parts: {['pause'] if len(arguments) > 1 else []}" in said
 
 
 @pytest.mark.real

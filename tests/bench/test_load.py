@@ -1,126 +1,106 @@
-"""The load of many at once, in a tiny setting; what a crowd gets is counted right, and what is late shows."""
+"""The load of many at once, in a tiny setting; what a crowd takes away and what it got is told right."""
 
-import asyncio
-import json
-from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from bench import load
-from bench.load import Came, Crowd
-from bench.loadclients import ADDRESSES, CONNECTIONS, LINE, Load, _asking, _uploading, program
+from bench import load, loadrig
+from bench.load import CROWD, QUIET, STAND_IN, Crowded, Plan
+from bench.loadclients import Crowd, Load
+from bench.loadrig import Phase
 from bench.report import Report
 from bench.tap import DeadTime
 
-WHO = Crowd(readers=2, topics="state", requests_s=50.0, upload_bytes=1)
-
-
-@pytest.mark.parametrize("size", [1, 33, 1_000_000, 5_000_001])
-def test_an_upload_has_the_size_that_it_says_and_is_a_program(size: int) -> None:
-    data = b"".join(program(size))
-    assert len(data) == size
-    assert data.startswith(LINE.encode()[:size])
+WHO = Crowd("", 0, readers=2, topics="state", requests_s=50.0, upload_bytes=load.UPLOAD_BYTES)
 
 
 def dead(seconds: float) -> DeadTime:
     return DeadTime(11, 20, 10.0 + seconds, 10.0, 0.1, 0.1, 0.0, seconds - 0.1, 0.0, 0.0)
 
 
-@pytest.mark.parametrize(("found", "met"), [(0.2, True), (0.209, True), (0.3, False)])
-def test_dead_time_is_held_against_the_quiet_run(found: float, met: bool) -> None:
-    came = Came(19.5, Load(requests=500, uploaded_bytes=2 * 10**9, seconds=10.0, answers_s=[0.001, 0.002]))
-    report = Report.of("", [("it", load._elvinto(dead(found), dead(0.2), came, WHO))])
+def crowded(**phases: list[Phase]) -> Crowded:
+    daemon = SimpleNamespace(address=("127.0.0.1", 1), resident_mb=lambda: 70.0)
+    shop: Any = SimpleNamespace(daemon=daemon)
+    found = Crowded(shop, WHO, load.silent)
+    found.phases |= phases
+    return found
+
+
+def phase(dead_s: float, row_s: float, dry_s: float = 0.0) -> Phase:
+    return Phase(5.0, dead(dead_s), [row_s] * 4, dry_s, 1.0)
+
+
+@pytest.mark.parametrize(("seconds", "met"), [(0.2, True), (0.209, True), (0.3, False)])
+def test_dead_time_is_held_against_the_quiet_phases(seconds: float, met: bool) -> None:
+    found = crowded(quiet=[phase(0.2, 1.0)] * 2, crowd=[phase(seconds, 1.0)] * 2)
+    report = Report.of("", [("it", load.on_elvinto(found))])
     ratio = report.groups[0][1][0]
-    assert ratio.value == pytest.approx(found / 0.2)
+    assert ratio.value == pytest.approx(seconds / 0.2)
     assert ratio.met is met
-    assert report.value("it", "messages a second to each reader") == 19.5
-    assert report.value("it", "requests a second") == 50
-    assert report.value("it", "uploaded meanwhile") == 2.0
+    assert report.value("it", "dead time of a batch, crowd") == pytest.approx(100 * seconds)
+    assert report.value("it", "  the daemon between OK and the next command, quiet") == pytest.approx(10.0)
+    assert report.value("it", "batches, crowd") == 20
 
 
-class Server:
-    """Answers every request, and keeps what it was sent."""
-
-    def __init__(self) -> None:
-        self.requests: list[str] = []
-        self.bodies: list[int] = []
-        self.connections = 0
-
-    async def talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self.connections += 1
-        try:
-            while True:
-                head = (await reader.readuntil(b"\r\n\r\n")).decode()
-                self.requests.append(head.partition(" HTTP")[0])
-                if head.startswith("POST"):
-                    size = int(head.partition("Content-Length: ")[2].partition("\r\n")[0])
-                    self.bodies.append(len(await reader.readexactly(size)))
-                    writer.write(b"HTTP/1.1 201 Created\r\ncontent-length: 2\r\n\r\n{}")
-                elif "state" in head:
-                    writer.write(b"HTTP/1.1 404 Not Found\r\nContent-Length: 2\r\n\r\n{}")
-                else:
-                    writer.write(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]")
-        except (asyncio.IncompleteReadError, ConnectionError):
-            pass
-        finally:
-            writer.close()
+@pytest.mark.parametrize(("seconds", "met"), [(1.0, True), (1.04, True), (1.06, False)])
+def test_rows_that_take_longer_and_a_planner_run_dry_show(seconds: float, met: bool) -> None:
+    found = crowded(quiet=[phase(0.2, 1.0)] * 2, crowd=[phase(0.2, seconds, dry_s=0.05)] * 2)
+    report = Report.of("", [("it", load.on_grbl(found))])
+    assert report.groups[0][1][0].value == pytest.approx(seconds)
+    assert report.groups[0][1][0].met is met
+    assert report.value("it", "planner run dry, of the time, crowd") == pytest.approx(1.0)
+    assert report.value("it", "planner run dry, of the time, quiet") == 0
 
 
-async def beside(work: Callable[[str, int, Load], Any], until: Callable[[Load], bool]) -> tuple[Server, Load]:
-    server, found = Server(), Load()
-    listening = await asyncio.start_server(server.talk, "127.0.0.1", 0)
-    async with listening, asyncio.timeout(10):
-        task = asyncio.ensure_future(work("127.0.0.1", listening.sockets[0].getsockname()[1], found))
-        while not until(found):
-            await asyncio.sleep(0.005)
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-    return server, found
+def test_what_the_computer_takes_away_itself_stands_beside_it() -> None:
+    phases = {QUIET: [phase(0.2, 1.0)], CROWD: [phase(0.22, 1.0)], STAND_IN: [phase(0.21, 1.02)]}
+    found = crowded(**phases)
+    name = "with a stand-in for the daemon / the quiet phases'"
+    assert Report.of("", [("it", load.on_elvinto(found))]).value("it", name) == pytest.approx(1.05)
+    assert Report.of("", [("it", load.on_grbl(found))]).value("it", name) == pytest.approx(1.02)
 
 
-@pytest.mark.real
-def test_requests_go_over_kept_connections_and_refusals_are_counted() -> None:
-    server, found = asyncio.run(
-        beside(lambda host, port, load: _asking(host, port, 500.0, load), lambda load: load.requests >= 40)
+def test_a_crowd_that_did_not_get_what_it_asked_for_shows() -> None:
+    found = crowded(quiet=[phase(0.2, 1.0)], crowd=[phase(0.2, 1.0)])
+    found.loads[CROWD] = Load(
+        requests=500, uploaded_bytes=2 * 10**9, seconds=10.0, answers_s=[0.01, 0.02], messages=400
     )
-    assert 1 <= server.connections <= CONNECTIONS
-    assert {request.partition("?")[0] for request in server.requests} == {
-        f"GET /api/v1{address.partition('?')[0]}" for address in ADDRESSES
-    }
-    assert found.requests == len(found.answers_s)
-    assert 0 < found.refused < found.requests / 2, "a fifth of the addresses is refused"
+    report = Report.of("", [("it", load.came(found, WHO))])
+    assert report.value("it", "messages a second to each reader") == 20
+    assert [str(figure) for figure in report.groups[0][1] if figure.met is False] == []
+    found.loads[CROWD] = Load(requests=480, uploaded_bytes=10**8, seconds=10.0, refusals={"/jobs: 500": 1})
+    missed = [figure.name for figure in load.came(found, WHO) if figure.met is False]
+    assert missed == ["requests a second", "refused or cut off, /jobs: 500", "uploaded meanwhile"]
 
 
 @pytest.mark.real
-def test_a_program_is_uploaded_again_and_again() -> None:
-    server, found = asyncio.run(
-        beside(lambda host, port, load: _uploading(host, port, 3_000_000, load), lambda load: load.uploads >= 3)
-    )
-    assert set(server.bodies) == {3_000_000}
-    assert found.uploaded_bytes >= 9_000_000
-    assert found.refused == 0
+def test_everything_at_once_beside_two_jobs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A daemon, two machines, a crowd, its stand-in: each part tells what it found before the next one begins. It takes
+    some seconds, for these are six processes and two jobs; what it holds together is tried nowhere else."""
+    monkeypatch.setattr(loadrig, "SETTLE_S", 0.05)
+    monkeypatch.setattr(loadrig, "AT_WORK_BLOCKS", 5)
+    said: list[str] = []
+    plan = Plan(readers=3, upload_bytes=2_000_000, phase_s=0.4, rounds=1, pressed=2, pressed_quiet=2, pause_rounds=1)
+    report = load.run(("workshop", "pause"), say=said.append, plan=plan)
+    on_elvinto, on_grbl, got, quiet, crowd, beside = [heading for heading, _ in report.groups]
+    assert report.value(on_elvinto, "dead time / the quiet phases'") > 0
+    assert report.value(on_grbl, "time of a row / the quiet phases'") > 0
+    assert report.value(got, "refused or cut off") == 0
+    for name in ("requests a second", "uploaded meanwhile", "messages a second to each reader"):
+        assert report.value(got, name) > 0
+        assert report.value(beside, name) > 0
+    assert report.value(got, "memory of the daemon, highest") >= report.value(got, "memory of the daemon before") > 10
+    for presses in (quiet, crowd):
+        assert report.value(presses, "presses") == 2
+        assert 0 < report.value(presses, "median") <= report.value(presses, "longest")
+    lines = [line for line in said if line.startswith("  ") and "/" in line]
+    assert [line.split()[2] for line in lines if "workshop" in line] == [QUIET, CROWD, STAND_IN]
+    assert said.index(lines[-1]) > max(number for number, text in enumerate(said) if on_elvinto in text)
 
 
-@pytest.mark.real
-def test_everything_at_once_beside_a_job() -> None:
-    found, came = asyncio.run(load.on_elvinto(30, Crowd(3, load.EVERYTHING, 20.0, 2_000_000)))
-    assert found.batches > 1
-    assert found.dead_s > 0
-    assert came.messages_s > 0
-    assert came.load is not None
-    assert came.load.refused == 0
-    assert came.load.requests > 0
-    assert came.load.uploaded_bytes > 0
-
-
-@pytest.mark.real
-def test_a_pause_with_nobody_there() -> None:
-    held, came = asyncio.run(load.paused(1, load.QUIET))
-    assert len(held) == 1
-    assert held[0] > 0
-    assert came == Came()
-
-
-def test_what_a_client_prints_is_read_back() -> None:
-    assert load.loaded(json.loads('{"requests": 3, "answers_s": [0.1, 0.2]}')) == Load(requests=3, answers_s=[0.1, 0.2])
+def test_the_length_of_a_run_is_known_before() -> None:
+    plan = Plan()
+    assert plan.seconds(("dashboards",)) < plan.seconds(load.PARTS) <= 300
+    assert replace(plan, rounds=9).seconds(("pause",)) == plan.seconds(("pause",))

@@ -27,3 +27,7 @@ def test_a_report_finds_and_prints_its_figures() -> None:
     assert "1.00 ms" in str(report)
     with pytest.raises(KeyError, match="three"):
         report.value("three", "a")
+
+
+def test_a_spread_stands_behind_its_value() -> None:
+    assert "1.000 x +- 0.004" in str(Figure("it", 1.0, "x", digits=3, spread=0.004))
