@@ -162,8 +162,12 @@ class JobService:
         mode: str = "run",
         on_error: OnError | None = None,
         ignored_errors: Sequence[int] | None = None,
+        still_wanted: Callable[[], Awaitable[None]] | None = None,
     ) -> dict[str, Any]:
-        """Queue a run of a program; it starts now if it can and nothing stands before it. Raises ProblemError."""
+        """Queue a run of a program; it starts now if it can and nothing stands before it. Raises ProblemError.
+
+        `still_wanted` raises where nobody waits for the answer any more: then no job is made.
+        """
         controller = self.machine(machine)
         halts = controller.stream.beginning.halts
         modes = jobmodes.columns(controller, mode, on_error, ignored_errors)
@@ -173,38 +177,35 @@ class JobService:
             known = await self.db.run(store.job_by_key, idempotency_key)
             if known is not None:
                 return self._view(newjob.same_request(known, request_hash))
-        program = await self._programs.get(program_id)
-        report = await self._programs.check(program_id, machine=machine)
-        stored = newjob.refused_or_stored(report, mode, force=force)
-        source = source_program or program["source_program"]
-        if report["expanded_lines"] is not None:
-            source, program = program_id, await self._programs.expanded(program)
-            newjob.refuse_lines_of_source(program, start_line, end_line)
-        first, last = newjob.lines_of(program, start_line, end_line)
-        self._starter.check_line(machine, first)
-        fields = {
-            "machine": machine,
-            "program": program["id"],
-            "source_program": source,
-            "program_name": program["name"],
-            "hold": hold or self._must_wait(controller),
-            "note": note,
-            "forced": force,
-            "start_line": first,
-            "end_line": last,
-            "lines": program["lines"],
-            "total_seconds": report["seconds"],
-            "idempotency_key": idempotency_key,
-            "request_hash": request_hash,
-            "rerun_of": rerun_of,
-            **modes,
-        }
-        made = await self.db.run(store.create_job, fields, at=stamp(self.clock), queue_limit=self._queue_limit)
+        with self._programs.needed(program_id, source_program):
+            checked = await newjob.checked(self._programs, program_id, machine, mode, force=force)
+            if still_wanted is not None:
+                await still_wanted()
+            first, last = newjob.lines_of(checked, start_line, end_line)
+            self._starter.check_line(machine, first)
+            fields = {
+                "machine": machine,
+                "program": checked.program["id"],
+                "source_program": source_program or checked.source,
+                "program_name": checked.program["name"],
+                "hold": hold or self._must_wait(controller),
+                "note": note,
+                "forced": force,
+                "start_line": first,
+                "end_line": last,
+                "lines": checked.program["lines"],
+                "total_seconds": checked.report["seconds"],
+                "idempotency_key": idempotency_key,
+                "request_hash": request_hash,
+                "rerun_of": rerun_of,
+                **modes,
+            }
+            made = await self.db.run(store.create_job, fields, at=stamp(self.clock), queue_limit=self._queue_limit)
         if made is None:
             raise ProblemError("queue_full", f"{self._queue_limit} jobs wait for {machine} (server.queue_limit).")
         row = newjob.same_request(made, request_hash)
-        if stored:
-            controller.stream.note("check_writes", job=row["id"], lines=stored)
+        if checked.stored:
+            controller.stream.note("check_writes", job=row["id"], lines=checked.stored)
         self._hub.publish("job", machine, self._view(row))
         await self._background.finish(self.start_next(machine, halts))
         return await self.get(row["id"])

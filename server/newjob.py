@@ -5,10 +5,33 @@ everything else that is refused here says what would make it go.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from jobs.store import Row
 from server.problems import ProblemError
+from server.programservice import ProgramService
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A program that may be queued: the plain one, the one that it was made of, what the check has found, and the lines
+    that a check by the controller would store."""
+
+    program: Mapping[str, Any]
+    source: str | None
+    report: Mapping[str, Any]
+    stored: list[int]
+
+
+async def checked(programs: ProgramService, program_id: str, machine: str, mode: str, *, force: bool) -> Checked:
+    """The whole program is read, which takes seconds for each million lines. Raises ProblemError."""
+    program = await programs.get(program_id)
+    report = await programs.check(program_id, machine=machine)
+    stored = refused_or_stored(report, mode, force=force)
+    if report["expanded_lines"] is None:
+        return Checked(program, program["source_program"], report, stored)
+    return Checked(await programs.expanded(program), program_id, report, stored)
 
 
 def same_request(row: Row, request_hash: str) -> Row:
@@ -78,8 +101,11 @@ def refuse_lines_of_source(expanded: Mapping[str, Any], start_line: int | None, 
         )
 
 
-def lines_of(program: Mapping[str, Any], start_line: int | None, end_line: int | None) -> tuple[int, int]:
+def lines_of(checked: Checked, start_line: int | None, end_line: int | None) -> tuple[int, int]:
     """The first and the last line of a job. Raises ProblemError where the program does not have them."""
+    program = checked.program
+    if checked.report["expanded_lines"] is not None:
+        refuse_lines_of_source(program, start_line, end_line)
     first, last = start_line or 1, end_line or program["lines"]
     if not 1 <= first <= last <= program["lines"]:
         raise ProblemError(

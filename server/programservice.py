@@ -5,8 +5,9 @@ The one rule: an upload is complete and durable, or there is nothing of it; it i
 
 import asyncio
 import errno
-from collections import OrderedDict
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections import Counter, OrderedDict
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
@@ -22,6 +23,7 @@ from jobs.batch import BatchLimits
 from jobs.expansion import ExpandError, TooLargeError, store_expanded
 from jobs.linecount import NotAProgramError
 from jobs.program import ProgramInfo, ProgramStore, UnknownProgramError
+from server.childworker import ChildEndedError
 from server.clock import Clock, stamp
 from server.dbthread import Db
 from server.hub import Hub
@@ -41,11 +43,23 @@ UPLOAD_BYTES_S = 50_000_000
 would have most of the loop's time, and a pause has several turns of the loop."""
 UPLOAD_AHEAD_S = 0.005
 """So much of it may come at once."""
+CheckKey = tuple[str, str, frozenset[int] | None]
+"""Program, what it is checked for, and the tools of its table."""
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
+
+
+def ended_problem(error: ChildEndedError) -> ProblemError:
+    """Somebody, mostly the system for want of memory, has ended the process that reads large programs."""
+    return ProblemError(
+        "process_ended",
+        f"The program was not read to its end: {error}. Ask again; memory may be short.",
+    )
 
 
 def disk_problem(error: OSError, what: str = "program") -> Exception:
     """What a user can mend is a problem; everything else is an error of the daemon."""
+    if isinstance(error, ChildEndedError):
+        return ended_problem(error)
     if error.errno in FULL:
         return ProblemError("disk_full", f"The {what} cannot be stored: {error.strerror}. Nothing of it was kept.")
     return error
@@ -87,7 +101,10 @@ class ProgramService:
         """File and row of a program come together and go together: what is uploaded again while it is deleted stays."""
         self._upload_paid_at = 0.0
         """When what has been uploaded so far is paid for, in the loop's time."""
-        self._checked: OrderedDict[tuple[str, str, frozenset[int] | None], dict[str, Any]] = OrderedDict()
+        self._checked: OrderedDict[CheckKey, dict[str, Any]] = OrderedDict()
+        self._checking: dict[CheckKey, asyncio.Task[dict[str, Any]]] = {}
+        self._needed: Counter[str] = Counter()
+        """Programs of which a job is being made: they are not deleted meanwhile."""
 
     async def store(self, chunks: AsyncIterator[bytes], name: str) -> tuple[dict[str, Any], bool]:
         """Keep an upload; the program and whether its content is new. Raises ProblemError."""
@@ -179,7 +196,15 @@ class ProgramService:
         if known is not None:
             self._checked.move_to_end(key)
             return known
-        worker = self._checks.for_bytes(program["bytes"])
+        under_way = self._checking.get(key)
+        if under_way is None:
+            under_way = self._checking[key] = asyncio.ensure_future(self._check(key, piece, program["bytes"]))
+            under_way.add_done_callback(partial(self._end_check, key))
+        return await asyncio.shield(under_way)  # it goes on for whoever asks again
+
+    async def _check(self, key: CheckKey, piece: Workpiece, size_bytes: int) -> dict[str, Any]:
+        program_id, _, tools = key
+        worker = self._checks.for_bytes(size_bytes)
         report: dict[str, Any] = await self._read(
             program_id, self._planning.check, piece, program_id, tools, worker=worker
         )
@@ -187,6 +212,22 @@ class ProgramService:
         if len(self._checked) > CHECKS_KEPT:
             self._checked.popitem(last=False)
         return report
+
+    def _end_check(self, key: CheckKey, task: "asyncio.Task[dict[str, Any]]") -> None:
+        del self._checking[key]
+        if not task.cancelled():
+            task.exception()  # it is told to those who wait; there may be none left
+
+    @contextmanager
+    def needed(self, *programs: str | None) -> Iterator[None]:
+        """Inside, neither these programs nor what is made of them is deleted."""
+        ids = [id for id in programs if id is not None]
+        self._needed.update(ids)
+        try:
+            yield
+        finally:
+            self._needed.subtract(ids)
+            self._needed = +self._needed
 
     async def expanded(self, program: Mapping[str, Any]) -> dict[str, Any]:
         """The plain program that is made of one with O-words, parameters or macros, once. Raises ProblemError."""
@@ -245,6 +286,8 @@ class ProgramService:
         """Forget a program. Raises ProblemError while a job needs it."""
         program = await self.get(program_id)
         async with self._in_place:
+            if {program_id, program["source_program"]} & self._needed.keys():
+                raise ProblemError("program_in_use", f"A job of {program['name']} is being made.")
             job = await self._db.run(store.delete_program, program_id)
             if job is not None:
                 raise ProblemError("program_in_use", f"Job {job} has not ended and needs {program['name']}.")
@@ -274,6 +317,8 @@ class ProgramService:
         worker = worker or self._files
         try:
             return await worker.run(fn, *args)
+        except ChildEndedError as error:
+            raise ended_problem(error) from error
         except UnknownProgramError as error:
             raise ProblemError("unknown_program", f"The file of program {program_id!r} is not there.") from error
 

@@ -42,6 +42,8 @@ from server.workpiece import Workpiece
 
 log = logging.getLogger(__name__)
 
+WAITED_FOR_S = 3.0
+"""Whoever has queued a job is told how it began; where the program is read for longer, that it is `checking`."""
 UNSTARTABLE = (UnknownProgramError, OSError, CannotStartError, PlanError)
 
 
@@ -59,8 +61,10 @@ class Background:
         return task
 
     async def finish(self, work: Coroutine[Any, Any, None]) -> None:
-        """Have it done and wait for it; it goes on when whoever waits does not any more."""
-        await asyncio.shield(self.begin(work))
+        """Have it done, and wait for it a moment: it goes on when whoever waits does not any more."""
+        done, _ = await asyncio.wait([self.begin(work)], timeout=WAITED_FOR_S)
+        for task in done:
+            task.result()
 
     async def close(self) -> None:
         """Cancel what still goes on."""

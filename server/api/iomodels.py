@@ -7,7 +7,7 @@ refused.
 from typing import Annotated, Any, Literal
 
 from fastapi import Query
-from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictInt, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, StrictInt, model_validator
 
 from protocol.iocontrol.pins import PINS
 from protocol.iocontrol.tooltable import NUMBER_MAX, TOOLS_MAX
@@ -16,7 +16,15 @@ from server.api.models import TIME, example, request_example
 MAX_TABLE_CHARS = 1_000_000
 
 After = Annotated[int, Query(ge=0, le=2**53, description="Only events with a higher `id`")]
-Levels = Annotated[dict[str, StrictBool | StrictInt], Field(max_length=len(PINS))]
+
+
+def _whole(value: object) -> object:
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+Whole = Annotated[StrictInt, BeforeValidator(_whole)]
+"""In JSON 3.0 is a whole number as 3 is; "3" and true are none."""
+Levels = Annotated[dict[str, StrictBool | Whole], Field(max_length=len(PINS))]
 
 
 class PinView(BaseModel):
@@ -89,7 +97,7 @@ class ToolRequest(BaseModel):
     """The tool that is in the spindle; 0: none."""
 
     model_config = request_example(tool=3)
-    tool: Annotated[StrictInt, Field(ge=0, le=NUMBER_MAX)]
+    tool: Annotated[Whole, Field(ge=0, le=NUMBER_MAX)]
 
 
 class ToolEntry(BaseModel):

@@ -4,9 +4,10 @@ Not the rules of a job (`jobs/job.py`). The one rule: only an explicit POST here
 """
 
 from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Annotated
 
-from fastapi import FastAPI, Header, Path, Query
+from fastapi import FastAPI, Header, Path, Query, Request
 from starlette.responses import Response
 
 from server.api.machines import find
@@ -19,7 +20,7 @@ from server.api.models import (
     MoveRequest,
 )
 from server.api.recovermodels import RecoverRequest, RecoverView
-from server.api.routing import Routes, json_response
+from server.api.routing import Routes, json_response, still_there
 from server.api.services import Jobs, Json, Services
 from server.auth import Role
 
@@ -65,9 +66,11 @@ def _create(app: FastAPI, services: Services) -> None:
             "needs_force",
             "too_large",
             "disk_full",
+            "process_ended",
         ),
     )
     async def create_job(
+        request: Request,
         body: JobRequest,
         idempotency_key: Annotated[
             str | None, Header(min_length=1, max_length=255, description="Makes a repeat of this request harmless")
@@ -76,7 +79,8 @@ def _create(app: FastAPI, services: Services) -> None:
         """The program is checked first; what stands against it is in `report` of the 422. The machine starts to move
         as soon as it is free, unless `hold` is set. O-words, parameters and macros are expanded: `program` of the job
         is the plain program that is run, `source_program` the uploaded one, and `start_line` and `end_line` are lines
-        of the plain one, asked for under its id."""
+        of the plain one, asked for under its id. The answer waits for the check, which takes seconds for each million
+        lines the first time: who goes away before it ends gets no job; who asks again joins the check."""
         find(services, body.machine)
         job = await services.jobs.create(
             body.program,
@@ -90,6 +94,7 @@ def _create(app: FastAPI, services: Services) -> None:
             mode=body.mode,
             on_error=body.on_error,
             ignored_errors=body.ignored_errors,
+            still_wanted=partial(still_there, request),
         )
         return json_response(job, 201, {"Location": f"/api/v1/jobs/{job['id']}"})
 
@@ -137,7 +142,18 @@ def _actions(app: FastAPI, services: Services) -> None:
         summary="Queue the same job again",
         model=JobView,
         status=201,
-        errors=(*refusals, "unknown_program", "preflight_failed", "queue_full"),
+        errors=(
+            *refusals,
+            "unknown_program",
+            "unknown_machine",
+            "preflight_failed",
+            "preflight_warnings",
+            "empty_program",
+            "needs_force",
+            "not_supported",
+            "queue_full",
+            "process_ended",
+        ),
     )
     async def rerun_job(id: JobId) -> Response:
         job = await services.jobs.rerun(id)

@@ -33,6 +33,8 @@ MAX_CONSOLE_LINES = 1000
 
 NEEDS_LINK = ("unknown_machine", "not_connected")
 NEEDS_IDLE = (*NEEDS_LINK, "wrong_state", "machine_busy", "job_active", "alarm_active", "command_failed", "no_answer")
+NEEDS_ANSWER = ("not_connected", "wrong_state", "machine_busy", "job_active", "command_failed", "no_answer")
+NEEDS_RESET = ("not_connected", "wrong_state", "job_active", "no_answer")
 NEEDS_JOB = ("not_connected", "wrong_state")
 
 Act = Callable[[MachineControl], Awaitable[None] | None]
@@ -43,9 +45,9 @@ VERBS: tuple[tuple[str, str, Act, tuple[str, ...]], ...] = (
     ("stop", "Cancel the job after the batch in flight", lambda machine: machine.stop(), NEEDS_JOB),
     ("connect", "Open the link", lambda machine: machine.connect(), ("wrong_state",)),
     ("disconnect", "Close the link and leave it closed", lambda machine: machine.disconnect(), ("job_active",)),
-    ("home", "Home the machine", lambda machine: machine.home(), NEEDS_IDLE[1:]),
-    ("unlock", "Clear an alarm", lambda machine: machine.unlock(), ("not_connected", "wrong_state", "no_answer")),
-    ("reset", "Clear an alarm and begin with the machine anew", lambda machine: machine.reset(), NEEDS_JOB),
+    ("home", "Home the machine", lambda machine: machine.home(), (*NEEDS_IDLE[1:], "not_supported")),
+    ("unlock", "Clear an alarm", lambda machine: machine.unlock(), NEEDS_ANSWER),
+    ("reset", "Clear an alarm and begin with the machine anew", lambda machine: machine.reset(), NEEDS_RESET),
 )
 """Verb, what it does, how, and what can stand against it."""
 BY_HAND = frozenset({"home", "unlock", "reset"})

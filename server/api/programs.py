@@ -145,7 +145,7 @@ def _contents(app: FastAPI, services: Services) -> None:
         role=Role.VIEWER,
         summary="Check a program for a machine",
         model=CheckView,
-        errors=("unknown_program", "unknown_machine"),
+        errors=("unknown_program", "unknown_machine", "process_ended"),
     )
     async def check_program(
         id: ProgramId,
@@ -170,7 +170,7 @@ def _drawing(app: FastAPI, services: Services) -> None:
         role=Role.VIEWER,
         summary="Show the path of a program, packed for drawing",
         content=packed,
-        errors=("unknown_program", "unknown_machine", "no_preview", "disk_full"),
+        errors=("unknown_program", "unknown_machine", "no_preview", "disk_full", "process_ended"),
     )
     async def get_toolpath(
         request: Request,

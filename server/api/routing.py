@@ -13,6 +13,7 @@ from fastapi import FastAPI, Request
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 from starlette.types import Message, Receive
 
@@ -85,6 +86,12 @@ def control_of(request: Request) -> AbstractContextManager[None]:
     """The control of the machine that a request is about, as `application.build` gives it."""
     control: Callable[[Request], AbstractContextManager[None]] = request.app.state.control
     return control(request)
+
+
+async def still_there(request: Request) -> None:
+    """Raises ClientDisconnect where nobody waits for the answer any more."""
+    if await request.is_disconnected():
+        raise ClientDisconnect
 
 
 class RoleRoute(APIRoute):

@@ -4,7 +4,7 @@
 raising `server.problems.ProblemError`, and what is returned is JSON as api.md describes it.
 """
 
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from typing import Any, Literal, Protocol
 
 from protocol.commands import OnError
@@ -119,6 +119,7 @@ class Jobs(Protocol):
         mode: str = "run",
         on_error: OnError | None = None,
         ignored_errors: Sequence[int] | None = None,
+        still_wanted: Callable[[], Awaitable[None]] | None = None,
     ) -> Json: ...
     async def list(self, machine: str | None, status: str | None, limit: int, before: int | None) -> Sequence[Json]: ...
     async def get(self, job_id: int) -> Json: ...

@@ -5,6 +5,7 @@ answers, code 1 with title and detail where it refuses.
 """
 
 import os
+import secrets
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,12 +15,14 @@ from urllib.parse import quote
 import httpx
 import typer
 
-from server.cli.common import CliError, ExitCode, safe
+from server.cli.common import CliError, ExitCode, safe, warn
 
 API = "/api/v1"
 CHUNK_BYTES = 64 * 1024
 TIMEOUT = httpx.Timeout(60.0, connect=5.0)
 """An answer may wait for a check of a large program; a connection on a LAN may not."""
+KEYED_TURNS = 60
+"""Times TIMEOUT: an hour. A million lines are checked in some 10 s."""
 SHOWN_FINDINGS = 20
 HINTS = {
     "unauthorized": "Set MILLSTREAM_TOKEN; the daemon's owner makes one with `millstream token create`.",
@@ -76,6 +79,20 @@ class Daemon:
     def post(self, path: str, body: Mapping[str, Any] | None = None) -> Any:
         """POST a JSON body, or none."""
         return self._request("POST", path, json=body)
+
+    def post_once(self, path: str, body: Mapping[str, Any], *, waiting: str) -> Any:
+        """POST what must not be done twice and may take long: asked again under the same key while the daemon is at it.
+        `waiting` is said the first time."""
+        headers = {"Idempotency-Key": secrets.token_hex(16)}
+        for turn in range(KEYED_TURNS):
+            try:
+                return self._request("POST", path, json=body, headers=headers)
+            except CliError as error:
+                if not isinstance(error.__cause__, httpx.ReadTimeout) or turn == KEYED_TURNS - 1:
+                    raise
+            if turn == 0:
+                warn(waiting)
+        raise AssertionError
 
     def patch(self, path: str, body: Mapping[str, Any]) -> Any:
         """PATCH a JSON body."""

@@ -59,7 +59,11 @@ def submit(
             "start_line": start_line,
             "end_line": end_line,
         }
-        job = daemon.post("/jobs", {key: value for key, value in body.items() if value is not None})
+        job = daemon.post_once(
+            "/jobs",
+            {key: value for key, value in body.items() if value is not None},
+            waiting="The daemon still checks the program; waiting.",
+        )
         if not watch:
             _tell(job, file, as_json)
             return

@@ -138,6 +138,7 @@ class FakeJobs(Recording):
         return copy.deepcopy(JOB_EXAMPLE) | {"id": job_id}
 
     async def create(self, program_id: str, machine: str, **options: Any) -> Json:
+        await options.pop("still_wanted")()
         self.note("create", program_id, machine, options)
         return self.job(17)
 

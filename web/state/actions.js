@@ -23,7 +23,7 @@ export async function attempt(what) {
   } catch (error) {
     if (error instanceof ApiError && error.code === "control_held" && error.body.holder) refusedBy.value = error.body.holder;
     else notify(said(error));
-    if (error instanceof ApiError && error.code === "unauthorized") daemon.start();
+    if (error instanceof ApiError && error.status === 401) daemon.start(); // revoked, or its time is over
     return undefined;
   }
 }
@@ -66,15 +66,25 @@ export async function onJob(id, verb, body) {
   return answer;
 }
 
+const CHECKED_MS = 120_000; // a wait that a proxy would not break off for us
+
 /**
  * Queue a program on the chosen machine.
  * @param {string} program @param {{hold?: boolean, force?: boolean, start_line?: number, end_line?: number, note?: string, mode?: string, on_error?: string}} options
  */
 export async function queueJob(program, options) {
-  const answer = await post("/jobs", { program, machine: chosen.value, ...options }, {
-    headers: { "Idempotency-Key": crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}` },
-    withinMs: 120_000,
-  });
-  learnJob(answer);
-  return answer;
+  const body = { program, machine: chosen.value, ...options };
+  const headers = { "Idempotency-Key": crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}` };
+  for (;;) {
+    const began = Date.now();
+    try {
+      const answer = await post("/jobs", body, { headers, withinMs: CHECKED_MS });
+      learnJob(answer);
+      return answer;
+    } catch (error) {
+      // The check of a very large program goes on at the daemon, and who asks again joins it.
+      const checking = /** @type {any} */ (error).code === "unreachable" && Date.now() - began >= CHECKED_MS;
+      if (!checking) throw error;
+    }
+  }
 }

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import httpx
 import pytest
 
 from server.cli import jobs, progress
@@ -68,6 +69,22 @@ def test_a_refused_check_names_the_lines(millstream: Run, part: Path) -> None:
     outcome = millstream("submit", part, answers={**ANSWERS, "POST /jobs": refusal})
     assert outcome.code == 1
     assert "  line 2: G55 does not exist" in outcome.err
+
+
+def test_a_long_check_is_waited_for_under_one_key(millstream: Run, part: Path) -> None:
+    course = Turns(httpx.ReadTimeout("slow"), httpx.ReadTimeout("slow"), job(0))
+    outcome = millstream("submit", part, answers={**ANSWERS, "POST /jobs": course})
+    assert outcome.code == 0
+    assert outcome.err.count("still checks the program") == 1
+    keys = [one.headers["Idempotency-Key"] for one in outcome.daemon.requests if one.url.path.endswith("/jobs")]
+    assert len(keys) == 3
+    assert len(set(keys)) == 1
+
+
+def test_a_daemon_that_is_gone_is_not_asked_again(millstream: Run, part: Path) -> None:
+    outcome = millstream("submit", part, answers={**ANSWERS, "POST /jobs": httpx.ReadError("gone")})
+    assert outcome.code == 3
+    assert outcome.daemon.made().count("POST /jobs") == 1
 
 
 def test_watch_follows_to_the_end(millstream: Run, part: Path) -> None:
