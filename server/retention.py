@@ -53,9 +53,22 @@ async def _remove_programs(
     config: HistoryConfig, db: Db, clock: Clock, delete: Callable[[str], Awaitable[None]]
 ) -> None:
     before = _days_ago(clock, config.keep_unused_programs_days)
-    while before is not None and (programs := await db.run(retention.unused_programs, created_before=before)):
-        for program in programs:
-            await delete(program)
+    stayed: set[str] = set()
+    while before is not None:
+        # Beyond those that stay, whatever keeps them: one that cannot be deleted keeps no other.
+        most = retention.PIECE_JOBS + len(stayed)
+        programs = set(await db.run(retention.unused_programs, created_before=before, limit=most)) - stayed
+        if not programs:
+            break
+        for program in sorted(programs):
+            try:
+                await delete(program)
+            except ProblemError as problem:  # it is needed again, or somebody else has deleted it
+                log.info("Program %s stays: %s", program, problem)
+                stayed.add(program)
+            except OSError as error:
+                log.warning("Program %s could not be removed: %s", program, error)
+                stayed.add(program)
             await asyncio.sleep(BETWEEN_PIECES_S)
 
 

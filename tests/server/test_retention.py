@@ -12,7 +12,7 @@ from server import sealing
 from server.historyconfig import HistoryConfig
 from server.problems import ProblemError
 from tests.harness.simloop import LoopClock, run_simulated
-from tests.harness.workshop import Bench
+from tests.harness.workshop import Bench, one_chunk
 
 DAY_S = 86_400.0
 PART = "G90\n" + "".join(f"G1 X{i} F6000\n" for i in range(1, 40)) + "M30\n"
@@ -54,6 +54,35 @@ def test_what_is_over_its_time_goes_and_the_rest_runs_on(tmp_path: Path, monkeyp
 def test_without_a_limit_nothing_is_looked_for() -> None:
     async def main() -> None:
         await keeping.keep_within(HistoryConfig(), None, None, None)  # type: ignore[arg-type]
+
+    run_simulated(main())
+
+
+def test_a_program_that_cannot_be_deleted_keeps_no_other(tmp_path: Path) -> None:
+    config = HistoryConfig(keep_unused_programs_days=1)
+
+    async def main() -> None:
+        bench = Bench(tmp_path)
+        shop = await bench.start()
+        clock: Any = shop.jobs.clock
+        stored = [(await shop.programs.store(one_chunk(b"G1 X%d F1\n" % i), "a.nc"))[0]["id"] for i in range(5)]
+        clock.set_back_s -= 2 * DAY_S
+        refusals = {stored[0]: ProblemError("program_in_use", "needed"), stored[1]: PermissionError(13, "read-only")}
+        asked: list[str] = []
+
+        async def delete(program: str) -> None:
+            asked.append(program)
+            if program in refusals:
+                raise refusals[program]
+            await shop.programs.delete(program)
+
+        await keeping.remove_expired(config, shop.db, clock, delete)
+        assert sorted(asked) == sorted(stored), "each once in a round"
+        assert {program["id"] for program in await shop.programs.list()} == set(stored[:2])
+        with shop.programs.needed(stored[0]):
+            await keeping.remove_expired(config, shop.db, clock, shop.programs.delete)
+        assert [program["id"] for program in await shop.programs.list()] == stored[:1]
+        await shop.stop()
 
     run_simulated(main())
 
