@@ -16,7 +16,7 @@ help:
 	@echo "make test     all tests; ARGS=--long tries ten times as many examples, seeds and crash points"
 	@echo "make check    format, lint, types, import rules, docs against code"
 	@echo "make fuzz     the parsers for minutes: make fuzz ARGS=\"grbl --minutes 5\""
-	@echo "make bench    benchmarks"
+	@echo "make bench    benchmarks; ARGS=load runs one, ARGS=\"load --only pause\" a part of it"
 	@echo "make install  the environment in $(VENV), with the tools for development"
 	@echo "make format   put the format right"
 	@echo "make clean    remove the environment and all caches"
