@@ -26,6 +26,7 @@ from server.cli.common import CliError, ConfigFile, ExitCode, on_stop_signal, sa
 from server.cli.settings import DEFAULT_CONFIG, configuration, database, sole_daemon
 from server.clock import WallClock
 from server.config import Config
+from server.httpwire import MAX_CONNECTIONS, HttpProtocol
 from server.notify import Notifier, keep_telling
 from server.outbound.errors import OutboundError
 from server.outbound.service import Outbound
@@ -40,8 +41,6 @@ if TYPE_CHECKING:
 GRACEFUL_STOP_S = 5
 """Requests that are still being answered at a stop get this long; a job under way is kept in the journal anyway."""
 KEEP_ALIVE_S = 30
-MAX_CONNECTIONS = 512
-"""More than any workshop has dashboards; at the next one the answer is 503, and file descriptors stay for ports."""
 BACKLOG = 128
 MAX_HEADER_BYTES = 32 * 1024
 WEBSOCKET_MAX_BYTES = 64 * 1024
@@ -240,7 +239,7 @@ def _uvicorn_config(app: object, config: Config) -> uvicorn.Config:
         log_level="debug" if config.server.log_level == "debug" else "warning",
         access_log=False,
         lifespan="off",
-        http="h11",
+        http=HttpProtocol,
         ws=WireProtocol,
         proxy_headers=False,
         server_header=False,
