@@ -1,8 +1,9 @@
 """Where the lines of an upload begin, counted piece by piece, and whether it is text at all.
 
 Not the lines themselves (`gcode/lines.py`) and not a file. A gigabyte passes here beside a running job, so each step
-is one of numpy's over a whole piece: those let other threads run meanwhile, an expression or a loop would not. The one
-rule: how the bytes were cut into pieces changes nothing.
+is one of numpy's over a whole piece: those let other threads run meanwhile, an expression or a loop would not. Pieces
+in which all lines end alike, as in nearly all files, take a third less. The one rule: how the bytes were cut into
+pieces changes nothing.
 """
 
 import numpy as np
@@ -46,14 +47,24 @@ class LineCounter:
         self._held = b"\r" if data.endswith(b"\r") else b""
         codes = np.frombuffer(data, np.uint8, len(data) - len(self._held))
         at = np.flatnonzero(codes < _FIRST_PRINTABLE)
-        marks = codes[at]
+        marks = codes.take(at)
+        texts_end, ends = self._ends_of(at, marks)
+        return self._count(texts_end + self._at, ends + (self._at + 1), len(codes))
+
+    def _ends_of(self, at: NDArray[np.intp], marks: NDArray[np.uint8]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Where the texts of lines end, and the last byte of each end. Raises NotAProgramError."""
+        is_lf = marks == _LF
+        if is_lf.all():
+            return at, at
+        if not len(marks) % 2 and is_lf[1::2].all() and (marks[::2] == _CR).all() and (at[1::2] - at[::2] == 1).all():
+            return at[::2], at[1::2]
         self._refuse_binary(at, marks)
-        is_end = (marks == _LF) | (marks == _CR)
-        pairs = (marks[:-1] == _CR) & (marks[1:] == _LF) & (at[1:] == at[:-1] + 1)
+        is_end = is_lf | (marks == _CR)
+        pairs = (marks[:-1] == _CR) & is_lf[1:] & (at[1:] == at[:-1] + 1)
         is_end[:-1] &= ~pairs
         texts_end = at.copy()
         texts_end[1:] -= pairs
-        return self._count(texts_end[is_end] + self._at, at[is_end] + (self._at + 1), len(codes))
+        return texts_end[is_end], at[is_end]
 
     def _refuse_binary(self, at: NDArray[np.intp], marks: NDArray[np.uint8]) -> None:
         found = np.flatnonzero(_BINARY[marks])
@@ -65,17 +76,20 @@ class LineCounter:
 
     def _count(self, texts_end: NDArray[np.intp], starts: NDArray[np.intp], size: int) -> bytes:
         """Lines end with their text at `texts_end`, and the next ones begin at `starts`."""
-        begun = np.concatenate(([self._line_start], starts))
         rest = self._at + size
-        too_long = np.flatnonzero(np.append(texts_end, rest) - begun > MAX_LINE_BYTES)
-        if too_long.size:
+        # All of them at once, in one array: each of the lengths but the last is from one start to the next end.
+        lengths = np.empty(starts.size + 1, np.intp)
+        lengths[:-1], lengths[-1] = texts_end, rest
+        lengths[0] -= self._line_start
+        lengths[1:] -= starts
+        if lengths.max() > MAX_LINE_BYTES:
             raise NotAProgramError(
-                f"line {self._ends + too_long[0] + 1} is longer than {MAX_LINE_BYTES} bytes: "
-                "this is not a G-code program"
+                f"line {self._ends + int(np.argmax(lengths > MAX_LINE_BYTES)) + 1} is longer than {MAX_LINE_BYTES} "
+                "bytes: this is not a G-code program"
             )
         entries = starts[(-self._ends - 1) % LINES_PER_ENTRY :: LINES_PER_ENTRY]
         self._ends += starts.size
-        self._line_start = int(begun[-1])
+        self._line_start = int(starts[-1]) if starts.size else self._line_start
         self._at = rest
         return entries.astype("<u8").tobytes()
 

@@ -5,7 +5,7 @@ Not the history (jobs/history.py) and not a log file. The one rule: it is bounde
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from itertools import islice
 from typing import Any
 
@@ -16,6 +16,8 @@ CONSOLE_MESSAGES = 1000
 MESSAGE_CHARS = 1000
 """A batch is 512 bytes by default; what a machine says may be anything."""
 DUMPED_FRAMES = 200
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+MICROSECOND = timedelta(microseconds=1)
 
 
 class Recorder:
@@ -33,17 +35,30 @@ class Recorder:
 
     def newest(self) -> dict[str, Any]:
         """The last message. Raises IndexError before there is one."""
-        return self._entry(self._wall(), self._time(), self._messages[-1])
+        at, direction, text = self._messages[-1]
+        wall = self._wall() - timedelta(seconds=self._time() - at)
+        return {"at": rfc3339(wall), "direction": direction, "text": text}
 
     def console(self, limit: int) -> list[dict[str, Any]]:
         """The last messages, oldest first."""
         messages = islice(self._messages, max(0, len(self._messages) - max(0, limit)), None)
-        wall, now = self._wall(), self._time()
-        return [self._entry(wall, now, message) for message in messages]
+        stamp = self._stamps()
+        return [{"at": stamp(at), "direction": direction, "text": text} for at, direction, text in messages]
 
-    def _entry(self, wall: datetime, now: float, message: tuple[float, str, str]) -> dict[str, Any]:
-        at, direction, text = message
-        return {"at": rfc3339(wall - timedelta(seconds=now - at)), "direction": direction, "text": text}
+    def _stamps(self) -> Callable[[float], str]:
+        """From the loop's time to that of people. A thousand messages are of a few seconds: each second is written
+        once, for made as a `datetime` the time of a message costs more than all the rest of it, and the loop waits."""
+        begun_us = (self._wall() - EPOCH) // MICROSECOND - round(self._time() * 1e6)
+        seconds: dict[int, str] = {}
+
+        def stamp(at: float) -> str:
+            second, us = divmod(begun_us + round(at * 1e6), 1_000_000)
+            text = seconds.get(second)
+            if text is None:
+                text = seconds[second] = rfc3339(EPOCH + timedelta(seconds=second)).removesuffix("000Z")
+            return f"{text}{us // 1000:03d}Z"
+
+        return stamp
 
 
 def dump(frames: Iterable[Frame], *, now: float) -> dict[str, Any]:

@@ -44,6 +44,24 @@ def test_the_entries_are_the_starts_of_lines(seed: int) -> None:
         assert counted(cut(data, size))[1] == expected
 
 
+@pytest.mark.parametrize("ends", [b"\n", b"\r\n", b"\r", b"\r\n\n", b"\n\r"])
+@pytest.mark.parametrize("size", [1 << 20, 1000, 7])
+def test_where_all_lines_end_alike_the_short_way_finds_the_same(ends: bytes, size: int) -> None:
+    data = (b"G1 X1" + ends) * 2500 + b"M30"
+    starts = [match.end() for match in LINE_END.finditer(data)]
+    lines, entries = counted(cut(data, size))
+    assert lines == len(starts) + 1
+    assert entries == starts[LINES_PER_ENTRY - 1 :: LINES_PER_ENTRY]
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n"])
+def test_among_lines_that_end_alike_the_one_that_is_too_long_is_named(end: bytes) -> None:
+    counter = LineCounter()
+    counter.feed((b"G1" + end) * 3)
+    with pytest.raises(NotAProgramError, match="line 6 is longer"):
+        counter.feed((b"G1" + end) * 2 + b"x" * (MAX_LINE_BYTES + 1) + end + b"G1" + end)
+
+
 @pytest.mark.parametrize("code", range(0x20))
 def test_every_control_character_is_text_or_says_where_it_stands(code: int) -> None:
     counter = LineCounter()

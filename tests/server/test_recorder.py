@@ -2,6 +2,8 @@
 
 from datetime import UTC, datetime, timedelta
 
+import pytest
+
 from protocol.engine import Frame
 from server.recorder import CONSOLE_MESSAGES, DUMPED_FRAMES, MESSAGE_CHARS, Recorder, dump
 
@@ -19,6 +21,21 @@ def test_the_last_messages_oldest_first() -> None:
     assert recorder.console(5)[0]["at"] == "2026-03-01T12:00:00.000Z"
     assert recorder.console(0) == []
     assert len(recorder.console(99)) == 5
+
+
+@pytest.mark.parametrize("offset_s", [0.0, 2.0004, 2.9996, 1234.5678])
+def test_the_times_of_many_are_those_of_each(offset_s: float) -> None:
+    """Over the turn of a second and of a day, a millisecond like any other."""
+    now = 5000.25
+    recorder = Recorder(lambda: NOON.replace(hour=0) + timedelta(seconds=offset_s), lambda: now)
+    singly = []
+    for number in range(40):
+        recorder.record([(">", str(number))], now - 4 + number * 0.1001)
+        singly.append(recorder.newest())
+    for one, entry in zip(singly, recorder.console(40), strict=True):
+        apart = datetime.fromisoformat(one["at"]) - datetime.fromisoformat(entry["at"])
+        assert abs(apart) <= timedelta(milliseconds=1), "a microsecond of rounding may be on either side"
+        assert (one["text"], len(one["at"])) == (entry["text"], len(entry["at"]))
 
 
 def test_it_is_bounded_in_messages_and_in_characters() -> None:
