@@ -110,6 +110,12 @@ class Feed:
         """There will be no source."""
         self.end = self.end or Outcome(Status.FAILED, "program_missing", f"The program cannot be read: {reason}")
 
+    def broken(self, reason: str) -> None:
+        """Nothing more comes out of the source: a fault of ours."""
+        self.end = self.end or Outcome(
+            Status.FAILED, "internal", f"The daemon could not read on: {reason}. See its log"
+        )
+
     def _read(self) -> PlannedBatch | None:
         if self.end is not None or self.source is None:
             return None

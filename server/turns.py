@@ -2,15 +2,19 @@
 
 Not what is planned (jobs/) and not what is done about it (jobstream.py). Lines are read in a worker: it is milliseconds
 of work in one piece, and a disk may be slow. The one rule: while a machine has something to do, its job takes one step
-in a turn of the loop; one that stands still gets what it needs at once.
+in a turn of the loop; one that stands still gets what it needs at once. A job whose lines cannot be read ends when what
+is open has ended, and says so.
 """
 
 import asyncio
+import logging
 from collections.abc import Callable
 
 from jobs.feed import BatchSource
 from jobs.runner import Runner
 from server.worker import Worker
+
+log = logging.getLogger(__name__)
 
 
 class Turns:
@@ -42,16 +46,19 @@ class Turns:
         """Have lines read, if that is what the runner waits for."""
         source = runner.feed.source
         if self._reading is None and source is not None and runner.reading:
-            self._reading = self._loop.create_task(self._read(source))
+            self._reading = self._loop.create_task(self._read(runner, source))
 
     def _take(self) -> None:
         self._next, self._open = None, True
         self._go()
         self._open = False
 
-    async def _read(self, source: BatchSource) -> None:
+    async def _read(self, runner: Runner, source: BatchSource) -> None:
         try:
             await self._reader.run(source.read)
+        except Exception as error:  # the outermost loop of the reading: nobody else would ever tell the job
+            log.exception("lines of job %d could not be read", runner.job_id)
+            runner.feed.broken(f"{type(error).__name__}: {error}")
         finally:
             self._reading = None
         self._take()

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from jobs import history, journal
+from jobs import batch, history, journal
+from jobs.batch import BatchPlanner
 from jobs.effects import SetStatus
 from jobs.job import Status
 from server.jobstream import ALIVE_EVERY_S, PROGRESS_EVERY_S, JobStream
@@ -38,6 +39,33 @@ def test_signs_of_life_are_durable_about_once_a_second(tmp_path: Path, monkeypat
         gaps = [later - earlier for earlier, later in pairwise(written)]
         assert min(gaps) >= ALIVE_EVERY_S
         assert max(gaps) <= ALIVE_EVERY_S + 1.0
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_a_fault_of_ours_in_the_reading_fails_the_job_behind_what_was_sent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = BatchPlanner.read
+    monkeypatch.setattr(batch, "LINES_AT_ONCE", 20)
+
+    def faulty(planner: BatchPlanner) -> None:
+        if len(bench.executed()) > 10:
+            raise KeyError("a fault of ours")
+        read(planner)
+
+    monkeypatch.setattr(BatchPlanner, "read", faulty)
+    bench = Bench(tmp_path)
+
+    async def main() -> None:
+        shop = await bench.connected()
+        job = await bench.job(PROGRAM)
+        view = await bench.status(job["id"], "failed", "completed")
+        error = view["error"]
+        assert (view["status"], error["code"], error["line_from"]) == ("failed", "internal", None)
+        assert "KeyError" in error["message"]
+        assert 10 < view["progress"]["line"] == len(bench.executed()) < 60
         await shop.stop()
 
     run_simulated(main())

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from jobs.feed import Feed
+from jobs.job import Status
 from jobs.runner import Runner
 from server.turns import Turns
 from server.worker import InlineWorker
@@ -61,6 +62,32 @@ def test_one_at_work_takes_one_step_in_a_turn_and_has_no_turn_for_nothing() -> N
         await asyncio.sleep(0)
         assert not turns.admits(job, 1001, 0)
         assert not turns.pending
+
+    run_simulated(main())
+
+
+class Faulty(ListSource):
+    def read(self) -> None:
+        raise ZeroDivisionError("a fault of ours")
+
+
+def test_a_reading_that_fails_unexpectedly_ends_the_job_when_what_is_open_has_ended() -> None:
+    async def main() -> None:
+        source = Faulty([batch(1)])
+        job = runner(source, at_work=True)
+        source.reading = True
+        went: list[bool] = []
+        turns = Turns(asyncio.get_running_loop(), InlineWorker(), lambda: went.append(True))
+        turns.read_for(job)
+        await asyncio.sleep(1)
+        assert went == [True]
+        assert not turns.pending
+        assert job.status is Status.RUNNING, "a batch is with the machine"
+        assert job.feed.end is not None
+        assert (job.feed.end.status, job.feed.end.code) == (Status.FAILED, "internal")
+        assert "ZeroDivisionError" in job.feed.end.message
+        turns.read_for(job)
+        assert not turns.pending, "it is not tried again and again"
 
     run_simulated(main())
 

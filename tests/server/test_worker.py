@@ -27,5 +27,16 @@ def test_in_a_thread() -> None:
     asyncio.run(main())
 
 
+@pytest.mark.real
+def test_what_comes_after_the_end_is_cancelled_and_no_error_of_the_work() -> None:
+    async def main() -> None:
+        worker = ThreadWorker("test")
+        worker.close()
+        with pytest.raises(asyncio.CancelledError):
+            await worker.run(max, 3, 7)
+
+    asyncio.run(main())
+
+
 def test_at_once() -> None:
     run_simulated(answers_and_errors_come_back(InlineWorker()))
