@@ -83,6 +83,7 @@ class _Device:
         self._on_data = on_data
         self._on_lost: OnLost | None = on_lost
         self._waiting = bytearray()
+        self._closing: asyncio.Future[None] | None = None
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(self._file, self._readable)
 
@@ -105,7 +106,12 @@ class _Device:
         self._loop.remove_writer(self._file)
         self._waiting.clear()  # it belongs to an epoch that is over and must not go out
         # A driver that still has bytes for the wire waits for them when it is closed.
-        self._loop.run_in_executor(None, self._device.close)
+        self._closing = self._loop.run_in_executor(None, self._device.close)
+
+    async def closed(self) -> None:
+        """It is ours no more; or that takes so long that whoever opens it anew had better be refused."""
+        if self._closing is not None:
+            await asyncio.wait([self._closing], timeout=OPEN_TIMEOUT_S)
 
     def _readable(self) -> None:
         try:
@@ -153,6 +159,8 @@ class PortOpener:
         self._protocol = protocol
         self._dtr = dtr
         self._simulated: dict[str, Any] = {}
+        self._device: _Device | None = None
+        """The last one: while it is being closed it would lock us out."""
 
     async def __call__(self, url: str, baud: int, on_data: OnData, on_lost: OnLost) -> Port:
         """Raises OSError (serial's errors are OSErrors)."""
@@ -160,7 +168,10 @@ class PortOpener:
             return await self._open_simulated(url.removeprefix("sim:").removeprefix("?"), on_data)
         if url.startswith("tcp://"):
             return await _open_tcp(url, on_data, on_lost)
-        return await _open_device(url, baud, on_data, on_lost, dtr=self._dtr)
+        if self._device is not None:
+            await self._device.closed()
+        self._device = await _open_device(url, baud, on_data, on_lost, dtr=self._dtr)
+        return self._device
 
     async def _open_simulated(self, query: str, on_data: OnData) -> Port:
         from sim.kinds import build
@@ -192,7 +203,7 @@ async def _open_tcp(url: str, on_data: OnData, on_lost: OnLost) -> Port:
     return stream
 
 
-async def _open_device(path: str, baud: int, on_data: OnData, on_lost: OnLost, *, dtr: bool) -> Port:
+async def _open_device(path: str, baud: int, on_data: OnData, on_lost: OnLost, *, dtr: bool) -> _Device:
     def open_blocking() -> serial.Serial:
         # Two opens of one port are allowed unless exclusive is asked for, and each would get half of the answers.
         device = serial.Serial(None, baudrate=baud, exclusive=True, timeout=0, write_timeout=0)

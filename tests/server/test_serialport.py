@@ -3,10 +3,12 @@
 import asyncio
 import os
 import pty
+import threading
 import tty
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
 from random import Random
+from typing import Any
 
 import pytest
 
@@ -67,6 +69,27 @@ def test_a_device_is_ours_alone() -> None:
             with pytest.raises(OSError, match="lock"):
                 await PortOpener("elvinto")(name, 115200, ends.data.extend, ends.lost.append)
             port.close()
+            await asyncio.sleep(0)
+
+    asyncio.run(main())
+
+
+def test_a_device_is_opened_again_at_once_also_while_its_driver_takes_long_to_close_it() -> None:
+    async def main() -> None:
+        with pseudo_terminal() as (ours, name):
+            ends = Ends()
+            opener = PortOpener("elvinto")
+            port: Any = await opener(name, 115200, ends.data.extend, ends.lost.append)
+            close, let_go = port._device.close, threading.Event()
+            port._device.close = lambda: (let_go.wait(10), close())
+            port.close()
+            opening = asyncio.ensure_future(opener(name, 115200, ends.data.extend, ends.lost.append))
+            await asyncio.sleep(0)
+            let_go.set()
+            again = await opening
+            again.write(b"INIT;")
+            assert os.read(ours, 100) == b"INIT;"
+            again.close()
             await asyncio.sleep(0)
 
     asyncio.run(main())
