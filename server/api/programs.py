@@ -13,7 +13,7 @@ from gcode.toolpath import MAX_LEVEL
 from server.api.models import PROGRAM_ID, CheckView, ProgramView, SourceView
 from server.api.routing import Routes, json_response
 from server.api.services import Services
-from server.api.upload import MAX_NAME_CHARS, FileOfForm, is_multipart, program_name
+from server.api.upload import MAX_NAME_CHARS, FileOfForm, gathered, is_multipart, program_name
 from server.auth import Role
 from server.problems import ProblemError
 
@@ -81,7 +81,7 @@ def _upload(app: FastAPI, services: Services) -> None:
             await form.find()
             form_name = form.name
             chunks = form.chunks()
-        program, _created = await services.programs.store(chunks, program_name(name, form_name))
+        program, _created = await services.programs.store(gathered(chunks), program_name(name, form_name))
         return json_response(program, 201, {"Location": f"/api/v1/programs/{program['id']}"})
 
 

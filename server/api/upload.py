@@ -1,7 +1,7 @@
 """The body of an upload as a stream of pieces: the file itself, or the part `file` of a multipart form.
 
-Nothing is collected here, neither in memory nor in a temporary file: a program of 10 GB passes through. The one rule:
-a piece is handed on before the next one is read, so that a slow disk slows the sender and nothing else.
+Nothing but a piece is collected here, neither in memory nor in a temporary file: a program of 10 GB passes through.
+The one rule: a piece is handed on before the next one is read, so that a slow disk slows the sender and nothing else.
 """
 
 from collections import deque
@@ -16,6 +16,9 @@ from server.problems import ProblemError
 FIELD = "file"
 MAX_PART_HEADER_BYTES = 8192
 MAX_NAME_CHARS = 255
+PIECE_BYTES = 256 * 1024
+"""What comes of a network in pieces of some kB is handed to the disk's thread in pieces of this: a thousand times a
+second the handing over would cost the loop more than the taking in."""
 
 
 def is_multipart(request: Request) -> bool:
@@ -118,6 +121,21 @@ class FileOfForm:
 
     def _on_end(self) -> None:
         self._ended = True
+
+
+async def gathered(chunks: AsyncIterator[bytes], size: int = PIECE_BYTES) -> AsyncIterator[bytes]:
+    """The same bytes in pieces of `size` and more; the last may be smaller."""
+    waiting: list[bytes] = []
+    waiting_bytes = 0
+    async for chunk in chunks:
+        waiting.append(chunk)
+        waiting_bytes += len(chunk)
+        if waiting_bytes >= size:
+            yield b"".join(waiting)
+            waiting.clear()
+            waiting_bytes = 0
+    if waiting_bytes:
+        yield b"".join(waiting)
 
 
 def program_name(*candidates: str | None) -> str:

@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 from starlette.requests import Request
 from starlette.types import Message
 
-from server.api.upload import MAX_NAME_CHARS, MAX_PART_HEADER_BYTES, FileOfForm, is_multipart, program_name
+from server.api.upload import (
+    MAX_NAME_CHARS,
+    MAX_PART_HEADER_BYTES,
+    FileOfForm,
+    gathered,
+    is_multipart,
+    program_name,
+)
 from server.problems import ProblemError
 from tests.harness.simloop import run_simulated as run
 
@@ -147,3 +154,39 @@ def test_names_that_are_refused_whatever_they_would_do(name: str) -> None:
 def test_a_name_is_for_people_alone(name: str, kept: str) -> None:
     """Files are stored under their hash, so the name of a device, or of a formula, is a name."""
     assert program_name(name) == kept
+
+
+async def pieces_of(*chunks: bytes) -> AsyncIterator[bytes]:
+    for chunk in chunks:
+        yield chunk
+
+
+@given(st.lists(st.binary(max_size=12), max_size=30), st.integers(1, 20))
+def test_small_pieces_are_gathered_and_nothing_else_changes(chunks: list[bytes], size: int) -> None:
+    async def main() -> list[bytes]:
+        return [piece async for piece in gathered(pieces_of(*chunks), size)]
+
+    pieces = run(main())
+    assert b"".join(pieces) == b"".join(chunks)
+    assert all(len(piece) >= size for piece in pieces[:-1])
+    assert all(len(piece) < size + 12 for piece in pieces)
+    assert b"" not in pieces
+
+
+def test_no_more_is_read_than_a_piece_before_it_is_handed_on() -> None:
+    read_bytes = 0
+
+    async def chunks() -> AsyncIterator[bytes]:
+        nonlocal read_bytes
+        for _ in range(100):
+            read_bytes += 10
+            yield b"G1 X12345\n"
+
+    async def main() -> None:
+        handed_on = 0
+        async for piece in gathered(chunks(), 64):
+            handed_on += len(piece)
+            assert read_bytes == handed_on
+
+    run(main())
+    assert read_bytes == 1000
