@@ -95,5 +95,7 @@ def _text(value: object) -> str | None:
 
 
 def _number(value: object) -> int | None:
-    text = str(value)
-    return int(text) if text.isascii() and text.isdecimal() and int(text[:20]) <= MAX_JOB else None
+    """The id of a job, if it can be one; with any number of zeros before it, as an address may have them."""
+    text = str(value).lstrip("0")
+    is_number = text.isascii() and text.isdecimal() and len(text) <= len(str(MAX_JOB))
+    return int(text) if is_number and int(text) <= MAX_JOB else None

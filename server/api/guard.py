@@ -106,7 +106,10 @@ class HostRule:
         The scheme is not compared: a proxy in front may speak TLS while we do not. A name from `allowed_hosts` is
         ours even when the proxy writes another Host.
         """
-        parts = urlsplit(origin)
+        try:
+            parts = urlsplit(origin)
+        except ValueError:
+            return False
         if parts.scheme not in ("http", "https") or authority is None:
             return False
         return parts.netloc.lower() == authority.lower() or hostname(parts.netloc) in self._configured

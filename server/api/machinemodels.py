@@ -158,9 +158,9 @@ Distance = Annotated[float, Field(ge=-MAX_JOG_MM, le=MAX_JOG_MM)]
 
 
 class AxisMove(BaseModel):
-    """Relative distances in mm (degrees for a, b, c)."""
+    """Relative distances in mm (degrees for a, b, c). Strict, with what is made of it: `true` is no millimetre."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
     x: Distance | None = None
     y: Distance | None = None
     z: Distance | None = None

@@ -6,7 +6,7 @@ answer (`result`) carries a problem as an answer over HTTP would.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, TypeAdapter, model_validator
 
 from server.api.iomodels import Levels
 from server.api.machinemodels import MAX_FEED_MM_MIN, AxisMove
@@ -80,7 +80,7 @@ class Io(Spoken):
 
     type: Literal["io"]
     machine: MachineName | None = None
-    connect: bool = False
+    connect: StrictBool = False
     pins: Levels
 
 

@@ -21,7 +21,7 @@ def example(**fields: Any) -> ConfigDict:
 
 
 def request_example(**fields: Any) -> ConfigDict:
-    """The configuration of a request: strict, with its example."""
+    """The configuration of a request: no unknown keys, with its example."""
     return ConfigDict(json_schema_extra={"examples": [fields]}, extra="forbid", allow_inf_nan=False)
 
 

@@ -380,6 +380,8 @@ def test_estop_never_waits_behind_other_messages() -> None:
         {"type": "jog", "x": 1},
         {"type": "jog", "feed": 100},
         {"type": "jog", "x": 0, "feed": 100, "hold": True},
+        {"type": "jog", "x": True, "feed": 100},
+        {"type": "jog", "x": 1, "feed": 100, "hold": "yes"},
         {"type": "subscribe", "topics": ["nonsense"]},
         {"type": "subscribe", "rate": 0},
         '{"type": "jog", "x": NaN, "feed": 100}',

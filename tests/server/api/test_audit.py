@@ -55,6 +55,16 @@ def test_a_row_for_each_request_that_changes_something_with_its_outcome() -> Non
     run(main())
 
 
+def test_no_way_to_write_a_number_keeps_a_request_out_of_it() -> None:
+    async def main() -> None:
+        async with FakeWorkshop() as workshop, workshop.client() as client:
+            for id_ in ("7", "007", "0" * 5000 + "7", "9" * 5000, "-1", "\u0667"):
+                await client.post(f"/api/v1/jobs/{id_}/pause")
+            assert [row["job"] for row in await rows(workshop)] == [7, 7, 7, None, None, None]
+
+    run(main())
+
+
 def test_what_was_made_is_named() -> None:
     async def main() -> None:
         async with FakeWorkshop() as workshop, workshop.client() as client:

@@ -57,6 +57,7 @@ def test_names_that_are_not_ours_on_the_lan(host: str) -> None:
         ("https://127.0.0.1:8420", "127.0.0.1:8420", True),
         ("http://127.0.0.1:9999", "127.0.0.1:8420", False),
         ("http://localhost:8420", "127.0.0.1:8420", False),
+        ("http://[::1", "127.0.0.1:8420", False),
         ("https://mill.example", "127.0.0.1:8420", True),
         (EVIL, "127.0.0.1:8420", False),
         ("null", "127.0.0.1:8420", False),

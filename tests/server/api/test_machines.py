@@ -90,6 +90,9 @@ def test_a_jog_and_its_end() -> None:
         {"x": 1e9, "feed": 5},
         {"x": 1, "feed": 5, "u": 3},
         {"x": "one", "feed": 5},
+        {"x": True, "feed": 5},
+        {"x": "1", "feed": 5},
+        {"x": 1, "feed": "500"},
         [],
     ],
 )
