@@ -183,6 +183,11 @@ class Writer:
         """How much has come so far."""
         return self._bytes
 
+    @property
+    def id(self) -> str:
+        """Of the program, were it to end here."""
+        return self._hash.hexdigest()
+
     def write(self, chunk: bytes) -> None:
         """The next piece, of any size. Raises NotAProgramError or OSError; nothing is left behind then."""
         try:

@@ -193,11 +193,13 @@ class Audit:
         self._numbers = count(1)
         self._pending: set[int] = set()
         self._lost = 0
+        self.lost_in_all = 0
+        """Rows that could not be kept since the daemon began."""
 
     def note(self, entry: Entry) -> None:
         """Keep a row, at the present time. Never waits, never raises."""
         if len(self._pending) >= MAX_PENDING:
-            self._lost += 1
+            self._lose()
             return
         number = next(self._numbers)
         self._pending.add(number)
@@ -223,8 +225,12 @@ class Audit:
             raise  # a full disk: it is tried again, as everything that was posted
         except Exception:
             log.exception("a row of the audit could not be written and is dropped")
-            self._lost += 1
+            self._lose()
         self._pending.discard(number)
+
+    def _lose(self) -> None:
+        self._lost += 1
+        self.lost_in_all += 1
 
 
 def clean(text: object, limit: int = MAX_TEXT_CHARS) -> str:

@@ -26,6 +26,7 @@ from server import healthcheck
 from server.auth import is_loopback
 from server.config import Config
 from server.doctorfindings import Finding, error, info, ok, warning
+from server.hub import rfc3339, utc_now
 
 FREE_AT_LEAST_BYTES = 100 * 1024**2
 """Below it the next upload or a week of history fills the disk, and the stream stands still."""
@@ -239,6 +240,10 @@ def _ahead(db: Database) -> Iterator[Finding]:
 
 def _address(config: Config) -> Iterator[Finding]:
     host, port = config.server.host, config.server.port
+    ends = _ends_of_tokens(config.server.database_path)
+    now = rfc3339(utc_now())
+    if ends and all(end is not None and end <= now for end in ends):
+        yield warning("tokens", "All tokens have expired: nobody can do anything over HTTP.", "millstream token create")
     if daemon_runs(config):
         yield _running(config)
         return
@@ -250,7 +255,7 @@ def _address(config: Config) -> Iterator[Finding]:
     except OSError as fault:
         reason = os.strerror(fault.errno) if fault.errno else str(fault)
         yield error("address", f"{host}:{port}: {reason}.", "Set server.host and server.port, or end what is there.")
-    if not is_loopback(host) and not _has_tokens(config.server.database_path):
+    if not is_loopback(host) and not ends:
         yield error(
             "tokens",
             f"server.host is {host}, and there is no token: the daemon will not start.",
@@ -277,9 +282,10 @@ def _running(config: Config) -> Finding:
     return ok("daemon", f"A daemon runs with this data_dir, and answers at {url}.", running=True, version=its)
 
 
-def _has_tokens(path: Path) -> bool:
+def _ends_of_tokens(path: Path) -> list[str | None]:
+    """When the tokens that are not revoked end by themselves."""
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as db:
-            return db.execute("select 1 from tokens where revoked_at is null limit 1").fetchone() is not None
+            return [row[0] for row in db.execute("select expires_at from tokens where revoked_at is null")]
     except sqlite3.Error:
-        return False
+        return []

@@ -7,6 +7,7 @@ never a lock, a label look-up or a wait; the names of metrics are put together h
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from prometheus_client import CollectorRegistry, generate_latest
@@ -77,6 +78,16 @@ class MachineMetrics:
         """First byte handed to the wire → OK."""
 
 
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """What the doors have turned away since the daemon began, by the code or the limit that stood against it, and the
+    rows of the audit that could not be kept."""
+
+    tokens: Mapping[str, int] = field(default_factory=dict)
+    sockets: Mapping[str, int] = field(default_factory=dict)
+    audit_lost: int = 0
+
+
 class CountedMachine(Protocol):
     """What is read of a machine."""
 
@@ -94,11 +105,13 @@ class Collector(Base):
         hub: Hub,
         jobs_by_status: Mapping[str, int],
         outbound: Counters,
+        refused: Refused,
     ) -> None:
         self._machines = machines
         self._hub = hub
         self._jobs_by_status = jobs_by_status
         self._outbound = outbound
+        self._refused = refused
 
     def collect(self) -> Iterator[Metric]:
         """The families, for prometheus-client."""
@@ -106,6 +119,7 @@ class Collector(Base):
         yield from self._batches()
         yield from self._gauges()
         yield from self._fan_out()
+        yield from self._doors()
         yield from self._ways_out()
 
     def _link(self) -> Iterator[Metric]:
@@ -164,6 +178,20 @@ class Collector(Base):
             self._hub.console_left_out,
         )
 
+    def _doors(self) -> Iterator[Metric]:
+        tokens = CounterMetricFamily("millstream_tokens_refused", "Tokens that were not good.", labels=("code",))
+        for code, count in sorted(self._refused.tokens.items()):
+            tokens.add_metric((code,), count)
+        sockets = CounterMetricFamily(
+            "millstream_websocket_clients_refused", "WebSockets beyond a limit.", labels=("limit",)
+        )
+        for limit, count in sorted(self._refused.sockets.items()):
+            sockets.add_metric((limit,), count)
+        lost = CounterMetricFamily(
+            "millstream_audit_rows_lost", "Rows of the audit that could not be kept.", self._refused.audit_lost
+        )
+        yield from (tokens, sockets, lost)
+
     def _ways_out(self) -> Iterator[Metric]:
         gauge, counter = GaugeMetricFamily, CounterMetricFamily
         yield self._way_out(gauge, "connected", "Who is told now.", lambda way: way.connected)
@@ -203,8 +231,9 @@ def exposition(
     hub: Hub,
     jobs_by_status: Mapping[str, int],
     outbound: Counters = Counters(),  # noqa: B008 - nothing counts in this one
+    refused: Refused = Refused(),
 ) -> bytes:
     """The text that GET /metrics answers. The registry lives for this one answer: nothing is global."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(Collector(machines, hub, jobs_by_status, outbound))
+    registry.register(Collector(machines, hub, jobs_by_status, outbound, refused))
     return generate_latest(registry)

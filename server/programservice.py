@@ -125,16 +125,16 @@ class ProgramService:
         self._hub.publish("program", None, {"id": row["id"], "name": row["name"], "action": action})
 
     async def _upload(self, chunks: AsyncIterator[bytes], name: str) -> Any:
-        stored = await self._check_room()
+        stored, largest = await self._look_at_room()
         writer = await self._files.run(self._programs.writer, name)
         look_at = LOOK_EVERY_BYTES
         try:
             async for chunk in chunks:
                 if self._room is not None:
-                    self._room.check_total(stored, writer.bytes_written + len(chunk))
+                    self._room.check_total(stored, writer.bytes_written + len(chunk), largest_bytes=largest)
                 if writer.bytes_written >= look_at:
                     look_at += LOOK_EVERY_BYTES
-                    await self._check_room()
+                    await self._look_at_room()
                 if writer.bytes_written + len(chunk) > self._max_upload_bytes:
                     limit = self._max_upload_bytes
                     raise ProblemError("too_large", f"{name} has more than {limit} bytes (server.max_upload_bytes).")
@@ -143,19 +143,25 @@ class ProgramService:
             if writer.bytes_written == 0:
                 raise ProblemError("empty_program", f"{name} is empty.")
             async with self._in_place:
+                if self._room is not None and await self._db.run(store.program, writer.id) is None:
+                    self._room.check_total(stored, writer.bytes_written)
                 info = await self._files.run(writer.finish)
                 return await self._db.run(store.add_program, self._row(info))
         finally:
             await self._files.run(writer.abort)
 
-    async def _check_room(self) -> int:
-        """What all programs take now. Raises ProblemError when there is no room for more."""
+    async def _look_at_room(self) -> tuple[int, int]:
+        """What all programs take now, and the largest of them. Raises ProblemError when the disk is full."""
         if self._room is None:
-            return 0
+            return 0, 0
         await self._files.run(self._room.check_disk)
-        stored = await self._db.run(stored_bytes)
-        self._room.check_total(stored, 1)
-        return stored
+        return await self._db.run(stored_bytes)
+
+    async def _check_room(self) -> None:
+        """Raises ProblemError when there is no room for more."""
+        stored, _ = await self._look_at_room()
+        if self._room is not None:
+            self._room.check_total(stored, 1)
 
     async def _pace(self, size_bytes: int) -> None:
         """Leave the loop to the others for as long as these bytes may take."""

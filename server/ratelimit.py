@@ -63,6 +63,8 @@ class Attempts:
         self._trusted: OrderedDict[tuple[str, str], None] = OrderedDict()
         self.refused = 0
         """How many were turned away without a look at what they had."""
+        self.guessed = 0
+        """How many were looked at, and wrong."""
 
     def wait_s(self, address: str, secret: str, *, now: float) -> int:
         """For how many whole seconds no token from this address is looked at; 0: it is looked at.
@@ -82,6 +84,7 @@ class Attempts:
 
     def wrong(self, address: str, secret: str, *, now: float) -> None:
         """This token from there was wrong."""
+        self.guessed += 1
         network = network_of(address)
         bucket = self._by_address.get(network)
         if bucket is None:

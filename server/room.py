@@ -33,10 +33,11 @@ class Room:
                 "(limits.disk_reserve_bytes). Nothing of the upload was kept.",
             )
 
-    def check_total(self, stored_bytes: int, more_bytes: int) -> None:
-        """Raises ProblemError when all programs together would be more than allowed."""
+    def check_total(self, stored_bytes: int, more_bytes: int, *, largest_bytes: int = 0) -> None:
+        """Raises ProblemError when all programs together would be more than allowed. Up to `largest_bytes`, those of the
+        largest, what comes may be one that is there already, and takes no room then."""
         limit = self._limits.programs_bytes
-        if limit and stored_bytes + more_bytes > limit:
+        if limit and stored_bytes + more_bytes > limit and more_bytes > largest_bytes:
             raise ProblemError(
                 "programs_full",
                 f"The programs take {stored_bytes} bytes; limits.programs_bytes allows {limit} in all. Delete some, or "
@@ -44,7 +45,7 @@ class Room:
             )
 
 
-def stored_bytes(db: Database) -> int:
-    """What all programs take. In the database thread."""
-    (row,) = db.query("select coalesce(sum(bytes), 0) as n from programs")
-    return int(row["n"])
+def stored_bytes(db: Database) -> tuple[int, int]:
+    """What all programs take, and what the largest of them does. In the database thread."""
+    (row,) = db.query("select coalesce(sum(bytes), 0) as n, coalesce(max(bytes), 0) as largest from programs")
+    return int(row["n"]), int(row["largest"])

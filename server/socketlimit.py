@@ -17,6 +17,8 @@ class SocketLimit:
     def __init__(self, limits: Callable[[], LimitsConfig]) -> None:
         self._limits = limits
         self._open: Counter[str] = Counter()
+        self.refused: Counter[str] = Counter()
+        """How many, by the limit that was reached."""
 
     @contextmanager
     def one(self, address: str) -> Iterator[None]:
@@ -27,6 +29,7 @@ class SocketLimit:
             (self._open.total(), limits.sockets, "sockets"),
         ):
             if many >= most:
+                self.refused[key] += 1
                 raise ProblemError(
                     "too_many_sockets", f"{many} WebSockets are open (limits.{key}); close some of them."
                 )

@@ -160,6 +160,8 @@ class TokenStore:
         self._tasks: set[asyncio.Task[None]] = set()
         self._sessions = Sessions()
         self.attempts = Attempts()
+        self.expired = 0
+        """How often a token came, by itself or behind a cookie, whose time was over."""
         self._tickets = Tickets()
 
     def __len__(self) -> int:
@@ -267,6 +269,7 @@ class TokenStore:
 
     def _principal(self, token: Token, now: float, *, session: str | None = None) -> Principal:
         if token.expires_at is not None and token.has_expired(self._clock()):
+            self.expired += 1
             return EXPIRED
         if now - self._used_at.get(token.id, float("-inf")) >= NOTE_USE_EVERY_S:
             self._used_at[token.id] = now

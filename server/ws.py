@@ -361,7 +361,7 @@ def install(app: FastAPI, services: Services, leases: Leases) -> None:
     """The route of the WebSocket."""
     held = HeldJogs(lambda name: find(services, name))
     trail = Trail(lambda: services.audit)
-    limit = SocketLimit(lambda: services.config.limits)
+    limit = app.state.sockets = SocketLimit(lambda: services.config.limits)
 
     @requires(Role.VIEWER)
     async def events(socket: WebSocket) -> None:

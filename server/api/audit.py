@@ -33,8 +33,6 @@ AS_TABLE = {
     }
 }
 
-Text = Annotated[str | None, Query(max_length=MAX_CHARS)]
-
 
 def install(app: FastAPI, services: Services) -> None:
     """The route /audit."""

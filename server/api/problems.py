@@ -12,6 +12,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
+from starlette.routing import Match
 from starlette.websockets import WebSocket
 
 from server.jsontext import dumps
@@ -101,7 +102,14 @@ async def _on_http(request: Request, error: Exception) -> Response:
         return _answered(request, internal_problem())
     code, detail = WHAT_TO_DO[HTTPStatus(error.status_code)]
     path = request.url.path[:MAX_ECHO_CHARS]
-    return _answered(request, ProblemError(code, detail.format(path=path, method=request.method)), error.headers)
+    headers = error.headers if code != "method_not_allowed" else {"Allow": _methods(request)}
+    return _answered(request, ProblemError(code, detail.format(path=path, method=request.method)), headers)
+
+
+def _methods(request: Request) -> str:
+    """All methods of this address (RFC 9110 §15.5.6): each of ours has a route of its own."""
+    there = [one for one in request.app.routes if one.matches(request.scope)[0] is not Match.NONE]
+    return ", ".join(sorted({method for one in there for method in getattr(one, "methods", ())}))
 
 
 def invalid_request(errors: Any) -> ProblemError:

@@ -17,7 +17,7 @@ from server.api.services import Services
 from server.api.webfiles import answer, web_file
 from server.auth import Role
 from server.metrics import MEDIA_TYPE as METRICS_MEDIA_TYPE
-from server.metrics import exposition
+from server.metrics import Refused, exposition
 from server.problems import ProblemError
 
 
@@ -47,8 +47,18 @@ def _watching(app: FastAPI, services: Services) -> None:
     )
     async def metrics() -> Response:
         counts = await services.jobs.counts()
-        text = exposition(services.machines, services.hub, counts, services.outbound)
+        text = exposition(services.machines, services.hub, counts, services.outbound, _refused(app, services))
         return Response(text, media_type=METRICS_MEDIA_TYPE)
+
+
+def _refused(app: FastAPI, services: Services) -> Refused:
+    tokens = {
+        "unauthorized": services.tokens.attempts.guessed,
+        "token_expired": services.tokens.expired,
+        "too_many_attempts": services.tokens.attempts.refused,
+    }
+    sockets = {limit: app.state.sockets.refused[limit] for limit in ("sockets", "sockets_per_address")}
+    return Refused(tokens, sockets, services.audit.lost_in_all)
 
 
 def _documentation(app: FastAPI, describe: Callable[[], str]) -> None:

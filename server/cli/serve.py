@@ -27,6 +27,7 @@ from server.cli.settings import DEFAULT_CONFIG, configuration, database, sole_da
 from server.clock import WallClock
 from server.config import Config
 from server.httpwire import MAX_CONNECTIONS, HttpProtocol
+from server.hub import utc_now
 from server.notify import Notifier, keep_telling
 from server.outbound.errors import OutboundError
 from server.outbound.service import Outbound
@@ -213,6 +214,8 @@ def _check_exposure(config: Config) -> None:
         check_exposure(config.server.host, usable)
     except ExposureError as error:
         raise CliError(ExitCode.FAILED, str(error)) from error
+    if usable and all(token.has_expired(utc_now()) for token in usable):
+        warn("millstream: all tokens have expired, so nobody can do anything over HTTP: `millstream token create`.")
 
 
 def _ways_out(config: Config) -> Outbound:

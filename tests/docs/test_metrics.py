@@ -6,7 +6,7 @@ from typing import Any
 from prometheus_client.parser import text_string_to_metric_families
 
 from server.hub import Hub
-from server.metrics import MachineMetrics, exposition
+from server.metrics import MachineMetrics, Refused, exposition
 from tests.harness.docs import page, rows
 
 
@@ -27,7 +27,8 @@ class Machine:
 def exported() -> dict[str, tuple[str, set[str]]]:
     hub = Hub(clock=lambda: datetime(2026, 3, 1, tzinfo=UTC))
     hub.publish("state", "router", {})
-    text = exposition({"router": Machine()}, hub, {"queued": 1}).decode()
+    refused = Refused({"unauthorized": 1}, {"sockets": 1}, 1)
+    text = exposition({"router": Machine()}, hub, {"queued": 1}, refused=refused).decode()
     found = {}
     for family in text_string_to_metric_families(text):
         name = f"{family.name}_total" if family.type == "counter" else family.name

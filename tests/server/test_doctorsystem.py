@@ -175,6 +175,13 @@ def test_a_network_without_a_token(tmp_path: Path) -> None:
         db.execute("insert into tokens values ('1', 'n', 'admin', 'h', 'now', null, null, null)")
         db.conn.commit()
     assert found(config(tmp_path, host="0.0.0.0"), "tokens") == []
+    with closing(Database(tmp_path / "millstream.db")) as db:
+        db.execute("update tokens set expires_at = '2026-01-01T00:00:00.000Z'")
+        db.conn.commit()
+    for host in ("0.0.0.0", "127.0.0.1"):
+        (finding,) = found(config(tmp_path, host=host), "tokens")
+        assert finding.level is Level.WARNING
+        assert "expired" in finding.message
 
 
 def test_the_daemon_that_runs_is_asked_for_its_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -55,6 +55,13 @@ def test_an_upload_ends_where_the_room_does_and_leaves_nothing(tmp_path: Path, m
         with pytest.raises(ProblemError) as refused:
             await programs.store(pieces(1024, 20), "large.nc")
         assert refused.value.code == "programs_full"
+        programs._room = Room(tmp_path, LimitsConfig(programs_bytes=600))
+        _, created = await programs.store(one_chunk(b"G0 X0\n" * 100), "the same.nc")
+        assert not created, "what is there already takes no room"
+        for size in (1, 100, 101):  # as large as one that is there, or larger: refused at its end, or on the way
+            with pytest.raises(ProblemError) as refused:
+                await programs.store(one_chunk(b"G0 X1\n" * size), "another.nc")
+            assert refused.value.code == "programs_full"
         programs._room = Room(tmp_path, LimitsConfig())
 
         async def while_the_disk_fills() -> AsyncIterator[bytes]:

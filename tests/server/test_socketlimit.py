@@ -27,6 +27,7 @@ def test_of_one_address_and_in_all() -> None:
             assert code(limit, address) is None
             stack.enter_context(limit.one(address))
         assert code(limit, "a") == code(limit, "b") == code(limit, "c") == "too_many_sockets"
+    assert limit.refused == {"sockets_per_address": 1, "sockets": 2}
     assert code(limit, "a") is None
     assert not limit._open, "nothing is kept of who has gone"
 

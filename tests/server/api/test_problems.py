@@ -65,6 +65,9 @@ def test_no_such_method_says_which_there_are(ask: Ask) -> None:
     is_problem(answer, 405, "method_not_allowed")
     assert answer.headers["allow"] == "GET"
     is_problem(ask("GET", "/api/v1/machines/router/estop"), 405, "method_not_allowed")
+    for path, methods in (("control", "DELETE, GET, POST"), ("jog", "DELETE, POST"), ("io", "GET, PATCH")):
+        answer = ask("PUT", f"/api/v1/machines/router/{path}")
+        assert (answer.status_code, answer.headers["allow"]) == (405, methods)
 
 
 @pytest.mark.parametrize(

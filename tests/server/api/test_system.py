@@ -1,10 +1,14 @@
 import re
 import tomllib
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
 
 from server.api.webfiles import web_files
+from server.audit import MAX_PENDING
+from server.hub import utc_now
+from server.ratelimit import BURST
 from tests.harness.fakeworkshop import FakeWorkshop
 from tests.harness.simloop import run_simulated as run
 
@@ -38,6 +42,27 @@ def test_metrics_are_prometheus_text() -> None:
     assert (status, kind) == (200, "text/plain; version=0.0.4; charset=utf-8")
     assert b'millstream_jobs{status="completed"} 4.0' in body
     assert b'millstream_connected{machine="router"} 1.0' in body
+
+
+def test_what_the_doors_refuse_is_counted() -> None:
+    async def main() -> str:
+        async with FakeWorkshop() as workshop, workshop.client() as client:
+            good = await workshop.token("admin")
+            over = (await workshop.tokens.create("over", "viewer", "1m"))["token"]
+            workshop.tokens._clock = lambda: utc_now() + timedelta(hours=1)
+            for secret in [good, over, *(f"mill_wrong{number}" for number in range(BURST + 2))]:
+                await client.get("/api/v1/machines", headers={"Authorization": f"Bearer {secret}"})
+            workshop.audit._pending.update(range(-MAX_PENDING, 0))
+            signed = {"Authorization": f"Bearer {good}"}
+            await client.post("/api/v1/machines/router/pause", headers=signed)
+            return (await client.get("/metrics", headers=signed)).text
+
+    text = run(main())
+    assert 'millstream_tokens_refused_total{code="unauthorized"} 10.0' in text
+    assert 'millstream_tokens_refused_total{code="too_many_attempts"} 2.0' in text
+    assert 'millstream_tokens_refused_total{code="token_expired"} 1.0' in text
+    assert 'millstream_websocket_clients_refused_total{limit="sockets"} 0.0' in text
+    assert "millstream_audit_rows_lost_total 1.0" in text
 
 
 @pytest.mark.parametrize(
