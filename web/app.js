@@ -3,14 +3,16 @@
 
 import { computed, effect, html, render } from "./lib/ui.js";
 import { speak, spoken, t } from "./lib/i18n.js";
+import { percent } from "./lib/format.js";
 import { theme } from "./lib/prefs.js";
 import { route } from "./lib/router.js";
 import { words } from "./estop.js";
-import { connection, live, machine, order } from "./state/store.js";
+import { connection, job, live, machine, order, status } from "./state/store.js";
 import { Calls } from "./dialogs/calls.js";
 import { ConsolePage } from "./console/page.js";
 import { CardPage } from "./console/card.js";
 import { Header, Lost, Tabs } from "./parts/frame.js";
+import "./jobs/ended.js";
 import { JobsPage } from "./jobs/page.js";
 import { AskTakeover } from "./machine/control.js";
 import { MachinePage } from "./machine/page.js";
@@ -50,6 +52,11 @@ function App() {
 const place = computed(() => `${route.value.page} ${route.value.id}`);
 // Another page begins at its top; when it is drawn, for a scroll before that takes the keyboard's place from it.
 effect(() => { if (place.value) requestAnimationFrame(() => scrollTo(0, 0)); });
+// What a tab in the background shows.
+effect(() => {
+  const now = machine.value, part = job.value ? ` ${percent(job.value).percent} %` : "";
+  document.title = now ? `${live.value ? t(`status.${status.value}`) + part : t("connection.lost")} · ${now.name}` : "millstream";
+});
 effect(() => { document.documentElement.dataset.theme = theme.value; });
 effect(() => {
   speak(spoken.value).then(() => {
@@ -58,6 +65,7 @@ effect(() => {
     button?.setAttribute("aria-label", `${t("estop.label")}: ${t("estop.title")}`);
     words.sent = t("estop.sent");
     words.failed = t("estop.failed");
+    words.partly = t("estop.partly");
   }, () => {});
 });
 const app = /** @type {HTMLElement} */ (document.getElementById("app"));

@@ -16,6 +16,7 @@ let hiding = 0;
 /** Words of the chosen language; these until it is there. */
 export const words = {
   sent: "Emergency stop sent to every machine.",
+  partly: "Emergency stop sent to {sent}. NOT STOPPED: {failed}. Press the emergency button there!",
   failed: "NOT STOPPED BY THIS BUTTON: press the emergency button at the machine!",
 };
 
@@ -32,14 +33,15 @@ function tell(good, text) {
   if (good) hiding = setTimeout(() => { result.hidden = true; }, SHOWN_MS);
 }
 
+/** Returns the machines that it was sent to, and why the others did not get it. */
 async function stopOverHttp() {
   const all = names.length ? names : (await get("/machines")).map((/** @type {{name: string}} */ one) => one.name);
   if (all.length === 0) throw new Error("");
   const sent = await Promise.allSettled(
     all.map((/** @type {string} */ name) => post(`/machines/${encodeURIComponent(name)}/estop`)),
   );
-  const failed = sent.flatMap((one, index) => (one.status === "rejected" ? [`${all[index]}: ${one.reason.message}`] : []));
-  if (failed.length) throw new Error(failed.join(" "));
+  const failed = sent.flatMap((one, index) => (one.status === "rejected" ? [{ name: all[index], why: one.reason.message }] : []));
+  return { sent: all.filter((/** @type {string} */ name) => failed.every((one) => one.name !== name)), failed };
 }
 
 async function stop() {
@@ -47,8 +49,10 @@ async function stop() {
   setTimeout(() => button.classList.remove("pressed"), 400);
   try {
     const answer = await daemon.ask({ type: "estop" }, ANSWER_MS);
-    if (!answer?.ok) await stopOverHttp();
-    tell(true, words.sent);
+    const { sent, failed } = answer?.ok ? { sent: [], failed: [] } : await stopOverHttp();
+    if (failed.length === 0) tell(true, words.sent);
+    else if (sent.length === 0) throw new Error(failed.map(({ name, why }) => `${name}: ${why}`).join(" "));
+    else tell(false, words.partly.replace("{sent}", () => sent.join(", ")).replace("{failed}", () => failed.map(({ name }) => name).join(", ")));
   } catch (error) {
     tell(false, `${words.failed} ${error instanceof Error ? error.message : ""}`);
   }

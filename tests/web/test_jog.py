@@ -71,6 +71,7 @@ def test_a_held_jog_ends_with_the_page_that_held_it(person: Screen, mill: Daemon
 def test_keys_move_only_while_the_keyboard_is_armed(person: Screen, mill: Daemon) -> None:
     before = resting(mill)
     person.page.locator("[data-step='1']").click()
+    person.page.locator("h2").first.click()  # arrows choose among the steps while the keyboard stands there
     person.page.keyboard.press("ArrowRight")
     assert resting(mill) == before, "nobody has armed it"
     person.named("arm").click()
@@ -98,7 +99,11 @@ def test_an_axis_is_zeroed_after_a_question_and_zero_is_reached_again(person: Sc
     person.press("zero-yes")
     until(lambda: at(mill)["x"] == 0)
     mill.post("/machines/mill/commands", {"blocks": ["G1 X7 F3000"]})
+    place = at(mill)
     person.press("go-zero")
+    expect(person.named("ask-go")).to_contain_text(f"stays at Z {place['z']:.3f}")
+    assert at(mill) == place, "asked, not done"
+    person.press("go-yes")
     until(lambda: (at(mill)["x"], at(mill)["y"]) == (0, 0))
     assert axis(person, "x") == "0.000"
 

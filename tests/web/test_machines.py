@@ -86,6 +86,26 @@ def test_machines_are_told_apart_and_a_call_leads_to_its_own(shop: Daemon, scree
         shop.post(f"/machines/{name}/unlock")
 
 
+def test_the_estop_names_the_machine_that_it_did_not_reach_and_the_call_of_the_one_in_sight_comes_first(
+    shop: Daemon, screens: Callable[..., Screen]
+) -> None:
+    one = screens(shop.url)
+    one.go("lathe/machine")
+    page = one.context.new_page()
+    page.route("**/web/app.js", lambda route: route.fulfill(body="", content_type="text/javascript"))
+    refusal = {"status": 409, "code": "not_connected", "detail": "saw is not connected."}
+    page.route("**/saw/estop", lambda route: route.fulfill(status=409, json=refusal))
+    page.goto(shop.url)
+    page.locator("#estop").click()
+    expect(page.locator("#estop-result")).to_contain_text("sent to mill, lathe. NOT STOPPED: saw.")
+    expect(one.named("call-unlock")).to_be_visible()
+    one.press("call-unlock")
+    expect(one.named("call")).to_contain_text("mill")
+    assert shop.get("/machines/lathe/state")["status"] == "idle"
+    shop.post("/machines/mill/unlock")
+    expect(one.named("call")).to_have_count(0)
+
+
 def test_the_pins_of_a_changer_are_driven_by_hand_until_it_is_there_itself(
     shop: Daemon, screens: Callable[..., Screen]
 ) -> None:

@@ -64,9 +64,9 @@ export function CommandLine() {
         <small>${one.text}</small></li>`)}</ul>
     <input type="text" name="block" autocomplete="off" autocapitalize="characters" spellcheck=${false} maxlength="1024"
       value=${text} role="combobox" aria-autocomplete="list" aria-controls="completions" aria-expanded=${found.length > 0}
-      placeholder=${reason ? t(reason) : t("console.command")} aria-label=${t("console.command")} disabled=${Boolean(reason)}
+      placeholder=${reason ? t(reason) : t("console.command")} aria-label=${t("console.command")} readonly=${Boolean(reason)}
       onInput=${(/** @type {any} */ event) => type(event.target.value, true)} onKeyDown=${key} onBlur=${() => setOpen(false)} />
-    <button type="submit" class="button primary" disabled=${Boolean(reason)}>${t("console.send")}</button>
+    <button type="submit" class="button primary" aria-disabled=${Boolean(reason)}>${t("console.send")}</button>
     <output data-name="answer">${answer}</output>
   </form>`;
 }

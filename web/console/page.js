@@ -6,10 +6,12 @@ import { t, time } from "../lib/i18n.js";
 import { wantConsole } from "../net/daemon.js";
 import { can, chosen, live } from "../state/store.js";
 import { attempt } from "../state/actions.js";
+import { Radios } from "../parts/radios.js";
 import { CommandLine } from "./command.js";
 import { fill, ringOf, version } from "./lines.js";
 
 const SHOWN = 400;
+const DIRECTIONS = ["", ">", "<"];
 
 export function ConsolePage() {
   const machine = chosen.value;
@@ -32,10 +34,9 @@ export function ConsolePage() {
       <input type="search" placeholder=${t("console.filter")} aria-label=${t("console.filter")} value=${filter}
         data-name="console-filter"
         onInput=${(/** @type {any} */ event) => setFilter(event.target.value)} />
-      <div class="filters" role="radiogroup" aria-label=${t("console.direction")}>
-        ${["", ">", "<"].map((one) => html`<button type="button" class="button" role="radio" key=${one}
-          aria-checked=${direction === one}
-          onClick=${() => setDirection(one)}>${t(one === "" ? "console.both" : one === ">" ? "console.out" : "console.in")}</button>`)}</div>
+      <${Radios} label=${t("console.direction")} of=${DIRECTIONS} value=${direction} onValue=${setDirection}
+        text=${(/** @type {string} */ one) => t(one === "" ? "console.both" : one === ">" ? "console.out" : "console.in")}
+        mark=${(/** @type {string} */ one) => ({ "data-direction": one })} />
       <button type="button" class="button" aria-pressed=${still !== null}
         onClick=${() => setStill(still ? null : [...all])}>${t(still ? "console.go_on" : "console.hold")}</button>
     </header>

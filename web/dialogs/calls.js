@@ -9,16 +9,20 @@ import { onJob, verb } from "../state/actions.js";
 import { activeJob } from "../state/reduce.js";
 import { against, can, chosen, live, world } from "../state/store.js";
 import { go, route, to } from "../lib/router.js";
-import { ToolAnswers } from "../tools/answers.js";
+import { ToolAnswers, ToolFacts } from "../tools/answers.js";
 import { Button } from "../parts/button.js";
 import { Dialog } from "../parts/dialog.js";
 import { Icon } from "../parts/icon.js";
 
 /** @typedef {{key: string, kind: "alarm" | "tool" | "message", machine: string, job: number | null, tool: number | null, text: string}} Call */
 
-/** Alarms before all else. @param {import("../types.js").World} now @returns {Call[]} */
-export function callsIn(now) {
-  const all = now.order.flatMap((name) => /** @type {Call[]} */ (callsOf(now, name)));
+/**
+ * Alarms before all else, and of the same the one of the machine that is looked at.
+ * @param {import("../types.js").World} now @param {string | null} here @returns {Call[]}
+ */
+export function callsIn(now, here) {
+  const names = [...now.order.filter((name) => name === here), ...now.order.filter((name) => name !== here)];
+  const all = names.flatMap((name) => /** @type {Call[]} */ (callsOf(now, name)));
   return [...all.filter(({ kind }) => kind === "alarm"), ...all.filter(({ kind }) => kind !== "alarm")];
 }
 
@@ -40,7 +44,7 @@ function callsOf(now, name) {
   return [{ ...base, kind, tool, text, key: `${name} ${kind} ${base.job} ${tool} ${job?.progress.line}` }];
 }
 
-const calls = computed(() => (live.value ? callsIn(world.value) : []));
+const calls = computed(() => (live.value ? callsIn(world.value, chosen.value) : []));
 const NONE = /** @type {string[]} */ ([]);
 /** The keys of those put aside on this screen. One that is put aside hides no other. */
 const aside = signal(NONE);
@@ -72,6 +76,7 @@ export function Calls() {
     ${now && html`<${Dialog} key=${now.key} title=${titleOf(now)} kind=${`c-${now.kind}`} icon=${ICONS[now.kind]}
       name="call" onClose=${() => { aside.value = [...aside.peek(), now.key]; }}>
       <p class="call-machine">${now.machine}</p>
+      ${now.kind === "tool" && now.machine === chosen.value && html`<${ToolFacts} machine=${now.machine} tool=${now.tool} />`}
       ${now.text && html`<p class="call-text">${now.text}</p>`}
       <p>${t(`call.${now.kind}_text`)}</p>
       <div class="row end"><${Answers} call=${now} /></div>

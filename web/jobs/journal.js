@@ -9,10 +9,12 @@ import { attempt } from "../state/actions.js";
 import { MOVING } from "../state/reduce.js";
 import { live } from "../state/store.js";
 import { Button } from "../parts/button.js";
+import { Radios } from "../parts/radios.js";
 
 const SHOWN = 200;
 const AGAIN_MS = 2000; // while the job is at work
 const PAGE = 10_000; // as many rows as the daemon answers at once
+const KINDS = ["events", "batches"];
 const HASH = /^[0-9a-f]{16,}$/; // tells people nothing; the files have it
 const COLUMNS = {
   batches: ["seq", "wire_id", "line_from", "line_to", "blocks", "seconds", "status", "attempts", "inferred", "planned_at", "sent_at", "received_at", "ok_at"],
@@ -65,10 +67,8 @@ export function Journal({ job }) {
   const rows = useRows(path, kind, job.status);
   const name = `job-${job.id}-${kind}`;
   return html`<section class="panel journal" aria-label=${t("journal.title")}>
-    <header><div class="filters" role="radiogroup" aria-label=${t("journal.title")}>
-      ${/** @type {const} */ (["events", "batches"]).map((one) => html`<button type="button" class="button" role="radio"
-        key=${one} data-journal=${one}
-        aria-checked=${one === kind} onClick=${() => setKind(one)}>${t(`journal.${one}`)}</button>`)}</div>
+    <header><${Radios} label=${t("journal.title")} of=${KINDS} value=${kind} onValue=${setKind}
+      text=${(/** @type {string} */ one) => t(`journal.${one}`)} mark=${(/** @type {string} */ one) => ({ "data-journal": one })} />
       ${rows && html`<div class="row">
         <${Button} name="csv" icon="save" label="CSV" onPress=${() => save(`${name}.csv`, "text/csv", csv(COLUMNS[kind], rows))} />
         <${Button} icon="save" label="JSON" onPress=${() => save(`${name}.json`, "application/json", `${JSON.stringify(rows, null, 2)}\n`)} />
@@ -82,7 +82,7 @@ export function Journal({ job }) {
 
 /** @param {{rows: any[]}} props */
 function Events({ rows }) {
-  return html`<table><tbody>${rows.slice(-SHOWN).reverse().map((one) => html`<tr key=${one.id}>
+  return html`<table class="events"><tbody>${rows.slice(-SHOWN).reverse().map((one) => html`<tr key=${one.id}>
     <td class="figure">${time(one.at)}</td><td><b>${one.type}</b></td><td class="data">${said(one)}</td></tr>`)}</tbody></table>`;
 }
 

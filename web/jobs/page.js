@@ -9,6 +9,7 @@ import { get } from "../net/http.js";
 import { attempt } from "../state/actions.js";
 import { chosen, jobs, live } from "../state/store.js";
 import { JobDetails } from "./details.js";
+import { Radios } from "../parts/radios.js";
 import { QueuePanel } from "./queue.js";
 
 const PAGE = 50;
@@ -41,10 +42,9 @@ function History() {
   const rows = merged(asked, wanted, machine);
   return html`<section class="panel history" aria-label=${t("jobs.title")}>
     <header><h2>${t("jobs.title")}</h2>
-      <div class="filters" role="radiogroup" aria-label=${t("jobs.filter")}>
-        ${Object.keys(FILTERS).map((one) => html`<button type="button" class="button" role="radio" key=${one} data-filter=${one}
-          aria-checked=${one === filter} onClick=${() => go(to("jobs", null, { filter: one }))}>${t(`jobs.filter.${one}`)}</button>`)}
-      </div></header>
+      <${Radios} label=${t("jobs.filter")} of=${Object.keys(FILTERS)} value=${filter}
+        text=${(/** @type {string} */ one) => t(`jobs.filter.${one}`)} mark=${(/** @type {string} */ one) => ({ "data-filter": one })}
+        onValue=${(/** @type {string} */ one) => go(to("jobs", null, { filter: one }))} /></header>
     ${rows.length === 0 ? html`<p class="empty">${t("jobs.none")}</p>` : html`<table>
       <thead><tr><th>${t("jobs.number")}</th><th>${t("jobs.program")}</th><th>${t("jobs.status")}</th><th>${t("jobs.lines")}</th>
         <th class="wide">${t("jobs.began")}</th><th class="wide">${t("jobs.took")}</th></tr></thead>

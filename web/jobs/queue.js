@@ -4,7 +4,7 @@ import { html } from "../lib/ui.js";
 import { t } from "../lib/i18n.js";
 import { to } from "../lib/router.js";
 import { onJob } from "../state/actions.js";
-import { against, queue } from "../state/store.js";
+import { against, jobs, queue } from "../state/store.js";
 import { Button } from "../parts/button.js";
 
 export function QueuePanel() {
@@ -15,6 +15,7 @@ export function QueuePanel() {
     ${waiting.length === 0 && html`<p class="empty">${t("queue.empty")} <a href=${to("programs")}>${t("queue.choose")}</a></p>`}
     <ol>${waiting.map((one, index) => html`<li key=${one.id} data-job=${one.id}>
       <a class="name" href=${to("jobs", one.id)}>${one.program_name}</a>
+      <small class="note">${[t("job.title", { id: one.id }), jobs.value[one.id]?.note].filter(Boolean).join(" · ")}</small>
       <span class="tag">${t(one.hold ? "queue.held" : "queue.ready")}</span>
       <div class="row">
         <${Button} icon="up" label=${t("queue.up")} kind="icon-only"

@@ -28,6 +28,12 @@ export function remaining({ seconds_left: left, seconds_left_min: least, seconds
   return narrow ? `≈ ${clock(left)}` : `${clock(least)} – ${clock(most)}`;
 }
 
+/** How much of what was asked for is certainly done. @param {import("../types.js").Job} job */
+export function percent({ progress, start_line: start }) {
+  const all = Math.max(1, progress.lines - start + 1);
+  return { all, percent: Math.min(100, Math.floor((100 * progress.acknowledged_lines) / all)) };
+}
+
 /** @param {number} bytes */
 export function size(bytes) {
   if (bytes < 1024) return `${bytes} B`;

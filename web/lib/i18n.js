@@ -40,6 +40,9 @@ export function t(key, values) {
 export const number = (value, digits = 0) =>
   new Intl.NumberFormat(loaded.value || "en", { minimumFractionDigits: digits, maximumFractionDigits: digits }).format(value);
 
+/** So many of something, in the form that the language has for it. @param {string} what @param {number} many */
+export const count = (what, many) => t(`count.${what}.${new Intl.PluralRules(loaded.value || "en").select(many)}`, { count: number(many) });
+
 const pad = (/** @type {number} */ part) => String(part).padStart(2, "0");
 
 /** 14:05:09 on this computer's clock. @param {string | Date | null} at */

@@ -4,12 +4,12 @@
 import { soundOn } from "./prefs.js";
 
 const AGAIN_MS = 4000;
-const TONES_HZ = { alarm: [880, 660, 880], tool: [523, 659, 784], message: [659, 659] };
+const TONES_HZ = { alarm: [880, 660, 880], tool: [523, 659, 784], message: [659, 659], done: [523, 784] };
 /** @type {AudioContext | null} */
 let context = null;
 
-/** @param {keyof typeof TONES_HZ} kind */
-function play(kind) {
+/** Once. @param {keyof typeof TONES_HZ} kind */
+export function ring(kind) {
   if (!soundOn.peek() || navigator.userActivation?.hasBeenActive === false) return;
   context ??= new AudioContext();
   if (context.state !== "running") context.resume().catch(() => {});
@@ -29,7 +29,7 @@ function play(kind) {
 
 /** Call until the returned function is called. @param {keyof typeof TONES_HZ} kind */
 export function call(kind) {
-  play(kind);
-  const timer = setInterval(play, AGAIN_MS, kind);
+  ring(kind);
+  const timer = setInterval(ring, AGAIN_MS, kind);
   return () => clearInterval(timer);
 }

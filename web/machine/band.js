@@ -2,11 +2,11 @@
 // The rule: state by colour and word and picture; progress is what is done, never what was sent.
 
 import { html } from "../lib/ui.js";
-import { clock, remaining } from "../lib/format.js";
-import { t } from "../lib/i18n.js";
+import { clock, percent, remaining } from "../lib/format.js";
+import { dateTime, t } from "../lib/i18n.js";
 import { to } from "../lib/router.js";
 import { onJob, verb } from "../state/actions.js";
-import { against, job, machine, queue, status } from "../state/store.js";
+import { against, job, lastJob, machine, queue, status } from "../state/store.js";
 import { Button } from "../parts/button.js";
 import { Icon } from "../parts/icon.js";
 
@@ -37,16 +37,26 @@ function Detail() {
 
 function JobProgress() {
   const now = job.value;
-  if (!now) return html`<div class="band-job none"><p>${t("band.no_job")}</p></div>`;
+  if (!now) return html`<${Between} />`;
   const { line, lines, seconds_elapsed: elapsed, acknowledged_lines: done } = now.progress;
-  const all = Math.max(1, lines - now.start_line + 1), left = remaining(now.progress);
-  const percent = Math.min(100, Math.floor((100 * done) / all));
+  const { all, percent: part } = percent(now), left = remaining(now.progress);
   return html`<div class="band-job" data-name="band-job">
     <p class="job-name"><a href=${to("jobs", now.id)}>${now.program_name}</a><span>${t(`job.status.${now.status}`)}</span></p>
-    <progress max=${all} value=${done} aria-label=${t("band.progress")}>${percent} %</progress>
-    <p class="job-figures"><b>${percent} %</b><span data-name="done">${t("band.lines", { line, lines })}</span>
+    <progress max=${all} value=${done} aria-label=${t("band.progress")}>${part} %</progress>
+    <p class="job-figures"><b>${part} %</b><span data-name="done">${t("band.lines", { line, lines })}</span>
       ${elapsed !== null && html`<span>${t("band.elapsed", { time: clock(elapsed) })}</span>`}
       ${left && html`<span>${t("band.left", { time: left })}</span>`}</p>
+  </div>`;
+}
+
+/** No job has the machine: how the last one ended, and which one Start would let go. */
+function Between() {
+  const last = lastJob.value, next = first();
+  return html`<div class="band-job none" data-name="between">
+    ${last ? html`<p class="job-name"><a href=${to("jobs", last.id)}>${last.program_name}</a><span>${t(`job.status.${last.status}`)} ${dateTime(last.ended_at)}</span></p>`
+      : html`<p>${t("band.no_job")}</p>`}
+    ${last?.status === "failed" && last.error && html`<p class="ended-badly">${last.error.message}</p>`}
+    ${next && html`<p class="job-figures" data-name="next">${t("band.next", { name: next.program_name })}</p>`}
   </div>`;
 }
 

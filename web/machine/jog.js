@@ -9,12 +9,14 @@ import { against, can, chosen, machine } from "../state/store.js";
 import { Button } from "../parts/button.js";
 import { Icon } from "../parts/icon.js";
 import { notify } from "../parts/notices.js";
+import { Radios } from "../parts/radios.js";
 import { axesOf } from "./blocks.js";
 import { jogger } from "./jogger.js";
 import { armed, listen } from "./keyboard.js";
 
-const STEPS_MM = [0.01, 0.1, 1, 10, 100];
 const HELD = 0; // as a step: for as long as it is held
+const STEPS = [0.01, 0.1, 1, 10, 100, HELD]; // mm
+const LONG_MM = 10; // steps from here on take their time
 const MIN_FEED = 1, MAX_FEED = 20_000;
 
 /** @type {{way: Record<string, number>, icon: string, name: string, place: string}[]} */
@@ -64,7 +66,7 @@ export function JogPanel() {
       key=${axis + sign} way=${{ [axis]: sign }} icon="" name=${`${axis.toUpperCase()}${sign < 0 ? "−" : "+"}`} place="" off=${Boolean(reason)} />`))}</div>`}
     <${Steps} />
     <${Feed} />
-    <p class="why-line" data-name="jog-why">${reason ? t(reason) : t(jogStep.value === HELD ? "jog.help_hold" : "jog.help_step")}</p>
+    <p class="why-line" data-name="jog-why">${reason ? t(reason) : t(jogStep.value === HELD ? "jog.help_hold" : can("jog_cancel") || jogStep.value < LONG_MM ? "jog.help_step" : "jog.help_whole")}</p>
   </section>`;
 }
 
@@ -88,11 +90,9 @@ function PadButton({ way, icon, name, place, off }) {
 }
 
 function Steps() {
-  return html`<div class="steps" role="radiogroup" aria-label=${t("jog.step")}>
-    ${[...STEPS_MM, HELD].map((step) => html`<button type="button" key=${step} class="button" role="radio"
-      aria-checked=${jogStep.value === step}
-      data-step=${step} onClick=${() => { jogStep.value = step; }}>${step === HELD ? t("jog.hold") : step}</button>`)}
-  </div>`;
+  return html`<${Radios} kind="steps" label=${t("jog.step")} of=${STEPS} value=${jogStep.value}
+    text=${(/** @type {number} */ step) => (step === HELD ? t("jog.hold") : step)} mark=${(/** @type {number} */ step) => ({ "data-step": step })}
+    onValue=${(/** @type {number} */ step) => { jogStep.value = step; }} />`;
 }
 
 function Feed() {

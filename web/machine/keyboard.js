@@ -6,6 +6,7 @@ import { effect, signal } from "../lib/ui.js";
 import { openDialogs } from "../parts/dialog.js";
 
 const IDLE_MS = 60_000;
+const FIRST = { capture: true };
 
 /** @type {Record<string, Record<string, number>>} */
 export const KEYS = {
@@ -46,7 +47,7 @@ export function listen(moves) {
   }
   const hidden = () => document.hidden && disarm();
   const unwatch = effect(() => { if (openDialogs.value > 0) disarm(); });
-  addEventListener("keydown", down);
+  addEventListener("keydown", down, FIRST); // before a group of choices that takes arrows too
   addEventListener("keyup", up);
   addEventListener("blur", disarm);
   document.addEventListener("visibilitychange", hidden);
@@ -54,7 +55,7 @@ export function listen(moves) {
     unwatch();
     clearTimeout(idle);
     if (held) moves.up();
-    removeEventListener("keydown", down);
+    removeEventListener("keydown", down, FIRST);
     removeEventListener("keyup", up);
     removeEventListener("blur", disarm);
     document.removeEventListener("visibilitychange", hidden);

@@ -22,11 +22,11 @@ function Excerpt({ job: { program, end_line: end, start_line: start, progress } 
   const { line: done, sent_line: sent } = progress;
   const first = Math.max(start, Math.min(done, end - SHOWN + 1)), last = Math.min(end, first + SHOWN - 1);
   useEffect(() => { if (live.value) lines.want(first, last); }, [first, last, live.value]);
-  const stage = (/** @type {number} */ line) => (line <= done ? "done" : line <= sent ? "sent" : "");
+  const stage = (/** @type {number} */ line) => (line <= done ? "done" : line <= sent ? "sent" : "untold");
   const rows = Array.from({ length: Math.max(0, last - first + 1) }, (_, index) => first + index);
   return html`<section class="panel now-lines" aria-label=${t("now.title")} data-name="now-lines">
     <header><h2>${t("now.title")}</h2><a href=${to("programs", program, { line: String(Math.max(1, done)) })}>${t("now.all")}</a></header>
     <ol>${rows.map((line) => html`<li key=${line} class=${stage(line)} data-line=${line}><i>${line}</i>
-      <code>${lines.text(line) ?? "…"}</code><small>${stage(line) && t(`now.${stage(line)}`)}</small></li>`)}</ol>
+      <code>${lines.text(line) ?? "…"}</code><small>${t(`now.${stage(line)}`)}</small></li>`)}</ol>
   </section>`;
 }

@@ -14,6 +14,7 @@ const ROTARY = new Set(["a", "b", "c"]);
 
 export function Position() {
   const [asking, setAsking] = useState(/** @type {string[] | null} */ (null));
+  const [going, setGoing] = useState(/** @type {string[] | null} */ (null));
   const now = machine.value;
   if (!now) return null;
   const { work, machine: absolute } = now.state.position;
@@ -35,14 +36,28 @@ export function Position() {
     </li>`)}</ul>
     ${blocks && axes.length > 0 && html`<div class="row">
       <${Button} name="zero-all" label=${t("position.zero_all")} reason=${reason} quiet onPress=${() => setAsking(axes)} />
-      <${Button} name="go-zero" icon="target" label=${t("position.go_zero_xy")} reason=${reason} quiet
-        onPress=${() => run(blocks.go(flat))} />
-      ${axes.includes("z") && html`<${Button} label=${t("position.go_zero_z")} reason=${reason} quiet
-        onPress=${() => run(blocks.go(["z"]))} />`}
+      <${Button} name="go-zero" icon="target" label=${t("position.go_zero_xy")} reason=${reason} quiet onPress=${() => setGoing(flat)} />
+      ${axes.includes("z") && html`<${Button} name="go-zero-z" label=${t("position.go_zero_z")} reason=${reason} quiet onPress=${() => setGoing(["z"])} />`}
     </div>`}
     ${reason && html`<p class="why-line">${t(reason)}</p>`}
+    ${going && blocks && html`<${AskGo} axes=${going} work=${work} onYes=${() => run(blocks.go(going))} onClose=${() => setGoing(null)} />`}
     ${asking && blocks && html`<${AskZero} axes=${asking} onYes=${() => run(blocks.zero(asking))} onClose=${() => setAsking(null)} />`}
   </section>`;
+}
+
+/** A rapid goes straight through whatever stands between. @param {{axes: string[], work: Record<string, number>, onYes: () => unknown, onClose: () => void}} props */
+function AskGo({ axes, work, onYes, onClose }) {
+  const place = (/** @type {string[]} */ which) => which.map((axis) => `${axis.toUpperCase()} ${coordinate(work[axis])}`).join("  ");
+  const rest = Object.keys(work).filter((axis) => !axes.includes(axis) && !ROTARY.has(axis));
+  return html`<${Dialog} title=${t("position.go_ask", { place: axes.map((axis) => `${axis.toUpperCase()}0`).join(" ") })} icon="target" name="ask-go" kind="warn" onClose=${onClose}>
+    <p>${t("position.go_text", { from: place(axes) })}</p>
+    <p class="call-text">${t("position.go_stays", { place: place(rest) })}</p>
+    <div class="row end">
+      <button type="button" class="button" onClick=${onClose}>${t("dialog.cancel")}</button>
+      <${Button} name="go-yes" kind="primary" label=${t("position.go_yes")} reason=${against("by_hand")}
+        onPress=${async () => { onClose(); await onYes(); }} />
+    </div>
+  <//>`;
 }
 
 /** A work offset that was lost by a slip of the finger costs a part. @param {{axes: string[], onYes: () => unknown, onClose: () => void}} props */

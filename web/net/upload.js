@@ -6,9 +6,10 @@ import { API, ApiError } from "./http.js";
 /**
  * @param {File} file
  * @param {(part: number) => void} progress 0 to 1
- * @returns {Promise<import("../types.js").Program>}
+ * @param {AbortSignal} stop breaks it off
+ * @returns {Promise<import("../types.js").Program | null>} null: it was broken off
  */
-export function upload(file, progress) {
+export function upload(file, progress, stop) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     request.open("POST", `${API}/programs?name=${encodeURIComponent(file.name)}`);
@@ -19,6 +20,8 @@ export function upload(file, progress) {
       else reject(new ApiError(request.status, request.response ?? {}));
     });
     request.addEventListener("error", () => reject(new ApiError(0, { code: "unreachable", detail: `${file.name}: the upload broke off.` })));
+    request.addEventListener("abort", () => resolve(null));
+    stop.addEventListener("abort", () => request.abort());
     request.send(file);
   });
 }

@@ -9,7 +9,7 @@ import { Icon } from "./icon.js";
 const open = [];
 /** How many there are. */
 export const openDialogs = signal(0);
-const FOCUSABLE = ["button", "input", "select", "textarea"].map((one) => `${one}:not(:disabled)`).join() + ",a[href],[tabindex='0']";
+const FOCUSABLE = ["button", "input", "select", "textarea"].map((one) => `${one}:not(:disabled, [tabindex="-1"])`).join() + ",a[href],[tabindex='0']";
 
 /**
  * @param {{title: string, kind?: string, icon?: string, name?: string, wide?: boolean, onClose: () => void, children?: unknown}} props

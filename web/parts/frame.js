@@ -38,8 +38,23 @@ function Machines() {
 }
 
 function Menu() {
-  const [open, setOpen] = useState(false);
-  return html`<div class="menu">
+  const [open, setOpen] = useState(false), box = useRef(/** @type {HTMLElement | null} */ (null));
+  useEffect(() => {
+    if (!open) return undefined;
+    const away = (/** @type {Event} */ event) => { if (!box.current?.contains(/** @type {Node} */ (event.target))) setOpen(false); };
+    const key = (/** @type {KeyboardEvent} */ event) => {
+      if (event.key !== "Escape") return;
+      setOpen(false);
+      box.current?.querySelector("button")?.focus();
+    };
+    addEventListener("pointerdown", away);
+    addEventListener("keydown", key);
+    return () => {
+      removeEventListener("pointerdown", away);
+      removeEventListener("keydown", key);
+    };
+  }, [open]);
+  return html`<div ref=${box} class="menu">
     <button type="button" class="button plain" aria-expanded=${open} aria-label=${t("menu.title")} data-name="menu"
       onClick=${() => setOpen(!open)}><${Icon} name="more" /></button>
     ${open && html`<div class="menu-body">

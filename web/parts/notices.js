@@ -4,7 +4,8 @@ import { html, signal } from "../lib/ui.js";
 import { t } from "../lib/i18n.js";
 import { Icon } from "./icon.js";
 
-const SHOWN_MS = 9000;
+/** A refusal is read by whoever was looking at the machine. */
+const SHOWN_MS = { done: 9000, error: 30_000 };
 const AT_MOST = 4;
 /** @type {import("../vendor/signals.js").Signal<{id: number, kind: string, text: string}[]>} */
 const notices = signal([]);
@@ -14,7 +15,7 @@ let last = 0;
 export function notify(text, kind = "error") {
   const id = ++last;
   notices.value = [...notices.value.filter((one) => one.text !== text).slice(1 - AT_MOST), { id, kind, text }];
-  setTimeout(dismiss, SHOWN_MS, id);
+  setTimeout(dismiss, SHOWN_MS[kind], id);
 }
 
 /** @param {number} id */

@@ -2,7 +2,7 @@
 // The rule: warnings are read before they are overruled; errors cannot be.
 
 import { html, signal, useEffect, useState } from "../lib/ui.js";
-import { number, t } from "../lib/i18n.js";
+import { count, t } from "../lib/i18n.js";
 import { size } from "../lib/format.js";
 import { go, route, to } from "../lib/router.js";
 import { get, request } from "../net/http.js";
@@ -12,7 +12,7 @@ import { Button } from "../parts/button.js";
 import { Dialog } from "../parts/dialog.js";
 import { PreviewPanel } from "../preview/panel.js";
 import { Options } from "./options.js";
-import { Findings, Report } from "./report.js";
+import { Findings, Reach, Report } from "./report.js";
 import { Source } from "./source.js";
 
 const CHECK_MS = 600_000; // a very long program takes its time
@@ -39,13 +39,13 @@ export function ProgramView({ id }) {
   return html`<div class="column program">
     <section class="panel" data-name="program">
       <p class="back"><a href=${to("programs")}>← ${t("programs.title")}</a></p>
-      <header><h2>${program.name} <small>${t("programs.facts", { lines: number(program.lines), size: size(program.bytes) })}</small></h2></header>
+      <header><h2>${program.name} <small>${`${count("lines", program.lines)}, ${size(program.bytes)}`}</small></h2></header>
       <${Starting} program=${program} report=${report} />
       ${problem && html`<p class="problem">${problem}</p>`}
       <${Report} report=${report} onLine=${(/** @type {number} */ at) => { line.value = 0; line.value = at; }} />
     </section>
     <${PreviewPanel} program=${id} />
-    <${Source} program=${program} findings=${report} line=${line} current=${job.value?.program === id ? job.value.progress.line : 0} />
+    <${Source} program=${program} findings=${report} line=${line} job=${job.value?.program === id ? job.value : null} />
   </div>`;
 }
 
@@ -74,7 +74,7 @@ function Starting({ program, report }) {
     ${deleting && html`<${AskDelete} program=${program} onClose=${() => setDeleting(false)} />`}
     ${asking !== null && html`<${Dialog} name="warnings" title=${t("program.warnings_title")} icon="alarm" kind="warn" onClose=${() => setAsking(null)}>
       <p>${t(report === null ? "program.unchecked" : "program.warnings_text")}</p>
-      ${report && html`<${Findings} list=${report.warnings} kind="warnings" />`}
+      ${report && html`<${Reach} bounds=${report.bounds} /><${Findings} list=${report.warnings} kind="warnings" />`}
       <div class="row end"><button type="button" class="button" onClick=${() => setAsking(null)}>${t("dialog.cancel")}</button>
         <${Button} name="force" kind="primary" label=${t(asking ? "program.force_queue" : "program.force_run")}
           onPress=${async () => { setAsking(null); await attempt(() => queue(asking, true)); }} /></div>

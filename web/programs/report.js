@@ -4,8 +4,11 @@
 import { html } from "../lib/ui.js";
 import { number, t } from "../lib/i18n.js";
 import { clock } from "../lib/format.js";
+import { machine } from "../state/store.js";
+import { beyond, reachIn } from "../preview/place.js";
 import { Icon } from "../parts/icon.js";
 
+const NO_OFFSET = [0, 0, 0];
 const KINDS = /** @type {const} */ (["errors", "warnings", "infos"]);
 
 /** @param {{report: any, onLine: (line: number) => void}} props */
@@ -15,6 +18,7 @@ export function Report({ report, onLine }) {
   return html`<div class="report" data-name="report" data-verdict=${verdict}>
     <p class=${`verdict v-${verdict}`}><${Icon} name=${verdict === "good" ? "idle" : "alarm"} />
       <b>${t(`check.${verdict}`, { errors: report.errors.length, warnings: report.warnings.length })}</b></p>
+    <${Reach} bounds=${report.bounds} />
     <dl class="facts">
       <div><dt>${t("check.time")}</dt><dd>${clock(report.seconds)}</dd></div>
       <div><dt>${t("check.cut")}</dt><dd>${number(report.cut_mm)} ${t("unit.mm")}</dd></div>
@@ -27,6 +31,17 @@ export function Report({ report, onLine }) {
     ${KINDS.map((kind) => report[kind].length > 0 && html`<${Findings}
       key=${kind} kind=${kind} list=${report[kind]} onLine=${onLine} />`)}
   </div>`;
+}
+
+/** Whether it fits where the zero lies now; nothing where the machine has not said both of its coordinates. @param {{bounds: Record<string, number[]>}} props */
+export function Reach({ bounds }) {
+  const now = machine.value;
+  if (!now || now.link !== "connected") return null;
+  const spans = ["x", "y", "z"].map((axis) => bounds[axis] ?? null);
+  const reach = reachIn(now.travel ?? {}, now.state.position, NO_OFFSET, spans), over = reach && beyond(spans, reach);
+  if (!over) return null;
+  return over.length ? html`<p class="problem" data-name="beyond">${t("preview.beyond", { axes: over.join(", ").toUpperCase() })}</p>`
+    : html`<p class="hint" data-name="within">${t("preview.within")}</p>`;
 }
 
 /** @param {number[]} values */

@@ -8,10 +8,12 @@ import { get, request } from "../net/http.js";
 import { against, live } from "../state/store.js";
 import { Button } from "../parts/button.js";
 import { Dialog } from "../parts/dialog.js";
+import { Radios } from "../parts/radios.js";
 import { here, useRead } from "./read.js";
 
 const PLACES = new Set(["G28", "G30"]);
 const CLEARED = new Set(["G92", "TLO"]);
+const MODES = ["here", "absolute"];
 const WITHIN_MS = 30_000;
 
 /** @typedef {{machine: string, offsets: Record<string, Record<string, number>>, probe: any}} Offsets */
@@ -61,8 +63,8 @@ function Change({ name, axes, onClose, onDone }) {
   return html`<${Dialog} name="offset" title=${name} icon="target" onClose=${onClose}>
     <p>${t(CLEARED.has(name) ? "offsets.clear_text" : PLACES.has(name) ? "offsets.store_text" : `offsets.${mode}_text`)}</p>
     ${system && html`<div>
-      <div class="filters" role="radiogroup" aria-label=${t("offsets.mode")}>${["here", "absolute"].map((one) => html`<button key=${one} type="button" class="button"
-        role="radio" aria-checked=${mode === one} data-name=${`mode-${one}`} onClick=${() => setMode(one)}>${t(`offsets.${one}`)}</button>`)}</div>
+      <${Radios} label=${t("offsets.mode")} of=${MODES} value=${mode} onValue=${setMode}
+        text=${(/** @type {string} */ one) => t(`offsets.${one}`)} mark=${(/** @type {string} */ one) => ({ "data-name": `mode-${one}` })} />
       <div class="axis-fields">${axes.map((axis) => html`<label key=${axis}>${axis.toUpperCase()}
         <input type="text" inputmode="decimal" maxlength="16" placeholder="–" data-name=${`to-${axis}`} value=${typed[axis] ?? ""}
           onInput=${(/** @type {any} */ event) => setTyped({ ...typed, [axis]: event.target.value })} /></label>`)}</div>

@@ -36,7 +36,9 @@ const stands = ({ machine, job }, ...statuses) => machine !== null && !(job && M
 /** While its program is read a job can be held already, and let go again. @param {Situation} now @param {boolean} hold */
 const reading = ({ job }, hold) => job?.status === "checking" && job.hold === hold;
 /** @type {Need} */
-const runs = (now) =>
+const runs = (now) => (now.job?.status === "paused" || reading(now, true) ? "reason.hold" : runsAtAll(now));
+/** @type {Need} */
+const runsAtAll = (now) =>
   reading(now, false) || now.job?.status === "running" || now.job?.status === "waiting" || (atOnce(now) && stands(now, "run", "jog")) ? null : "reason.nothing_runs";
 /** @type {Need} */
 const paused = (now) => (now.job?.status === "paused" || reading(now, true) || (atOnce(now) && stands(now, "hold", "door")) ? null : "reason.nothing_paused");

@@ -68,6 +68,9 @@ export const chosen = computed(() => {
 });
 export const machine = computed(() => (chosen.value === null ? null : world.value.machines[chosen.value]));
 export const job = computed(() => (chosen.value === null ? null : activeJob(world.value, chosen.value)));
+/** The one that ended last, for whoever comes back to the machine. */
+export const lastJob = computed(() => Object.values(jobs.value).filter((one) => one.machine === chosen.value && one.ended_at !== null)
+  .reduce((/** @type {import("../types.js").Job | null} */ last, one) => (last && String(last.ended_at) > String(one.ended_at) ? last : one), null));
 const NO_QUEUE = /** @type {import("../types.js").Waiting[]} */ ([]);
 export const queue = computed(() => (chosen.value === null ? NO_QUEUE : (world.value.queues[chosen.value] ?? NO_QUEUE)));
 export const status = computed(() => (machine.value === null ? "offline" : shownStatus(machine.value, job.value)));

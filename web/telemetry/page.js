@@ -6,6 +6,7 @@ import { csv } from "../lib/format.js";
 import { number, t } from "../lib/i18n.js";
 import { save } from "../lib/save.js";
 import { chosen, live, secondsSince } from "../state/store.js";
+import { Radios } from "../parts/radios.js";
 import { Plot } from "./plot.js";
 import { ringOf } from "./record.js";
 import { COLUMNS } from "./ring.js";
@@ -34,8 +35,8 @@ export function PlotsPage() {
   const shown = PLOTS.map((plot) => ({ ...plot, columns: plot.columns.filter((column) => ring.has(column)) })).filter(({ columns }) => columns.length);
   return html`<div class="column" data-name="plots">
     <section class="panel plots-bar" aria-label=${t("plots.title")}><h2>${t("plots.title")} <small>${chosen.value}</small></h2>
-      <div class="filters" role="radiogroup" aria-label=${t("plots.window")}>${WINDOWS_S.map((seconds) => html`<button key=${seconds} type="button" class="button"
-        role="radio" aria-checked=${seconds === windowS} data-name=${`window-${seconds}`} onClick=${() => setWindowS(seconds)}>${t("plots.minutes", { minutes: seconds / 60 })}</button>`)}</div>
+      <${Radios} label=${t("plots.window")} of=${WINDOWS_S} value=${windowS} onValue=${setWindowS}
+        text=${(/** @type {number} */ seconds) => t("plots.minutes", { minutes: seconds / 60 })} mark=${(/** @type {number} */ seconds) => ({ "data-name": `window-${seconds}` })} />
       <div class="row"><button type="button" class="button" data-name="plots-hold" aria-pressed=${held !== null}
           onClick=${() => setHeld(held === null ? nowOf(ring) : null)}>${t(held === null ? "console.hold" : "console.go_on")}</button>
         <button type="button" class="button" data-name="plots-csv" onClick=${() => keep(ring)}>CSV</button></div></section>

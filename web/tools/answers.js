@@ -1,12 +1,30 @@
 // What a person can answer to a wanted tool: it is in, it cannot be changed. In the dialog of calls.js.
 // The rule: only what the changer of this machine takes from a person; where a device changes the tool, people watch.
 
-import { html } from "../lib/ui.js";
+import { html, useEffect, useState } from "../lib/ui.js";
 import { t } from "../lib/i18n.js";
+import { get } from "../net/http.js";
 import { verb } from "../state/actions.js";
-import { against } from "../state/store.js";
+import { against, can } from "../state/store.js";
 import { Button } from "../parts/button.js";
 import { useIo } from "./io.js";
+
+/** What the tool table says of a tool. @param {{machine: string, tool: number | null}} props */
+export function ToolFacts({ machine, tool }) {
+  const [known, setKnown] = useState(/** @type {any} */ (null));
+  const able = can("tools") && tool !== null;
+  useEffect(() => {
+    let wanted = able;
+    if (able) {
+      get(`/machines/${encodeURIComponent(machine)}/tools`).then(({ tools }) => {
+        if (wanted) setKnown((tools ?? []).find((/** @type {{number: number}} */ one) => one.number === tool) ?? null);
+      }, () => {});
+    }
+    return () => { wanted = false; };
+  }, [machine, tool, able]);
+  const said = known ? [known.diameter ? `⌀ ${known.diameter} ${t("unit.mm")}` : "", known.comment ?? ""].filter(Boolean).join(" · ") : "";
+  return said && html`<p class="call-text" data-name="tool-facts">${said}</p>`;
+}
 
 /** @param {{machine: string, stop: unknown}} props */
 export function ToolAnswers({ machine, stop }) {
