@@ -1,5 +1,6 @@
 """Roles: every route has one, and it is obeyed before anything else of the request is looked at."""
 
+import inspect
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -189,3 +190,23 @@ def test_declaring_marks_the_endpoint() -> None:
 
     assert required_role(it) is Role.ADMIN
     assert required_role(print) is None
+
+
+def test_no_first_request_reads_our_source_from_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would be 20 ms of the loop that keeps the machines, and the first request may be an e-stop."""
+    read: list[str] = []
+
+    def getsourcelines(of: Any) -> tuple[list[str], int]:
+        read.append(of.__name__)
+        return [], 0
+
+    monkeypatch.setattr(inspect, "getsourcelines", getsourcelines)
+
+    async def main() -> None:
+        async with FakeWorkshop() as workshop, workshop.client() as client:
+            (machine, *_) = workshop.machines
+            assert (await client.post(f"/api/v1/machines/{machine}/estop")).status_code == 202
+            assert (await client.get("/api/v1/machines")).status_code == 200
+
+    run(main())
+    assert read == []
