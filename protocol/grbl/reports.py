@@ -6,8 +6,7 @@ is not as the sheet says is no report at all; half a report would be half a trut
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from protocol.events import Status
 
@@ -58,15 +57,19 @@ INCH_DECIMALS: Final = 4
 """Grbl prints coordinates with 3 decimals in mm and with 4 in inches: each report says itself what `$13` is."""
 MM_PER_INCH: Final = 25.4
 
-_NUMBER = re.compile(r"[-+]?(?:\d{1,12}(?:\.\d{0,9})?|\.\d{1,9})", re.ASCII)
-_INTEGER = re.compile(r"\d{1,9}", re.ASCII)
 _MOST_VALUES: Final = 16
+_DECIMAL = r"[-+]?(?:\d{1,12}(?:\.\d{0,9})?|\.\d{1,9})"
+_NUMBER = re.compile(_DECIMAL, re.ASCII)
+_NUMBERS = re.compile(rf"{_DECIMAL}(?:,{_DECIMAL}){{0,{_MOST_VALUES - 1}}}", re.ASCII)
+_INTEGER = re.compile(r"\d{1,9}", re.ASCII)
+_INTEGERS = re.compile(rf"\d{{1,9}}(?:,\d{{1,9}}){{0,{_MOST_VALUES - 1}}}", re.ASCII)
+_INCH = rf"[^.,]*\.[^,]{{{INCH_DECIMALS}}}"
+_INCHES = re.compile(rf"{_INCH}(?:,{_INCH})*")
 _MOST_FIELDS: Final = 40
 """grblHAL's full report has 15 fields; a line that has more than this is noise."""
 
 
-@dataclass(frozen=True, slots=True)
-class StatusReport:
+class StatusReport(NamedTuple):  # not a frozen dataclass: of so many fields that takes eight times as long to make
     """Everything a report can hold. None: the field was not there; positions and feeds in mm, whatever `$13` is.
 
     `pins` None cannot be: absent means that no input is active. `accessories` are absent with `Ov` when all are off.
@@ -99,7 +102,7 @@ class StatusReport:
     sd: str | None = None
     input_waited: int | None = None
     firmware: str | None = None
-    other: tuple[tuple[str, str], ...] = field(default=())
+    other: tuple[tuple[str, str], ...] = ()
 
 
 class MalformedReportError(ValueError):
@@ -114,11 +117,10 @@ def number(text: str) -> float:
 
 
 def numbers(text: str) -> tuple[float, ...]:
-    """Numbers with commas between. Raises MalformedReportError."""
-    parts = text.split(",")
-    if len(parts) > _MOST_VALUES:
-        raise MalformedReportError("too many values")
-    return tuple(number(part) for part in parts)
+    """Numbers with commas between, _MOST_VALUES at most. Raises MalformedReportError."""
+    if not _NUMBERS.fullmatch(text):
+        raise MalformedReportError(f"{text[:20]!r} is not a list of numbers")
+    return tuple(map(float, text.split(",")))
 
 
 def integer(text: str) -> int:
@@ -128,9 +130,16 @@ def integer(text: str) -> int:
     return int(text)
 
 
+def integers(text: str) -> tuple[int, ...]:
+    """Whole numbers with commas between. Raises MalformedReportError."""
+    if not _INTEGERS.fullmatch(text):
+        raise MalformedReportError(f"{text[:20]!r} is not a list of whole numbers")
+    return tuple(map(int, text.split(",")))
+
+
 def are_inches(coordinates: str) -> bool:
     """Whether coordinates as printed are inches."""
-    return bool(coordinates) and all(len(value.partition(".")[2]) == INCH_DECIMALS for value in coordinates.split(","))
+    return _INCHES.fullmatch(coordinates) is not None
 
 
 def in_mm(values: tuple[float, ...], *, inches: bool) -> tuple[float, ...]:
@@ -210,14 +219,14 @@ def _feed_and_speed(value: str) -> dict[str, Any]:
 
 
 def _overrides(value: str) -> dict[str, Any]:
-    percents = tuple(integer(part) for part in value.split(","))
-    if not value or len(percents) != 3:
+    percents = integers(value)
+    if len(percents) != 3:
         raise MalformedReportError("Ov has three values")
     return {"overrides": percents}
 
 
 def _buffers(value: str) -> dict[str, Any]:
-    values = [integer(part) for part in value.split(",")]
+    values = integers(value)
     if len(values) != 2:
         raise MalformedReportError("Bf has two values")
     return {"planner_free": values[0], "rx_free": values[1]}
