@@ -19,6 +19,7 @@ from jobs import history
 from jobs.history import Fault
 from jobs.job import ENDED
 
+CREATED = "created"
 SEALED = "journal_sealed"
 FORGOTTEN = "jobs_forgotten"
 PIECE_ROWS = 250
@@ -43,6 +44,18 @@ ROW_FIELDS = (
 )
 ONE_JOB = f"select {JOB_FIELDS} from jobs where id = ?"  # noqa: S608
 PIECE = f"select {ROW_FIELDS} from batches where job = ? and seq > ? order by seq limit ?"  # noqa: S608
+
+# Retention keeps the events of each job that it keeps, and says in the history which it does not.
+VANISHED = """
+select id, job from events made where type = ? and not exists (select 1 from jobs where id = made.job)
+and not exists (select 1 from events where job = made.job and type = ?) order by id
+"""
+SLIPPED_IN = """
+select id from jobs where sealed < 2 and not exists (select 1 from events where job = jobs.id and type = ?) order by id
+"""
+UNTOLD = """
+select id from jobs where sealed = 1 and not exists (select 1 from events where job = jobs.id and type = ?) order by id
+"""
 
 
 @dataclass(slots=True)
@@ -122,12 +135,28 @@ def seal(db: Database, digest: Digest, *, at: str) -> bool:
 
 
 def faults(db: Database) -> Iterator[Fault]:
-    """The jobs that are not as they were sealed, and those that were removed without a word."""
-    gone = {
+    """The jobs that are not as they were sealed, and those that came or went without a word."""
+    gone = _gone(db)
+    for row in db.query(VANISHED, [CREATED, SEALED]):
+        if row["job"] not in gone:
+            yield Fault(row["id"], f"job {row['job']}, which it tells of, is missing")
+    for row in db.query(SLIPPED_IN, [CREATED]):
+        yield Fault(0, f"no event tells that job {row['id']} was made")
+    for row in db.query(UNTOLD, [SEALED]):
+        yield Fault(0, f"job {row['id']} is marked as sealed, and no event has its seal")
+    yield from _broken(db, gone)
+
+
+def _gone(db: Database) -> set[int]:
+    """The jobs of which the history says that they were removed."""
+    return {
         job
         for row in db.query("select data from events where type = ?", [FORGOTTEN])
         for job in history.said(row).get("jobs", ())
     }
+
+
+def _broken(db: Database, gone: set[int]) -> Iterator[Fault]:
     for row in db.query("select id, job, data from events where type = ? order by id", [SEALED]):
         job = row["job"]
         if job in gone:  # its rows may be on their way out yet (retention.py)

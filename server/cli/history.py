@@ -52,7 +52,7 @@ def verify(ctx: typer.Context, config: ConfigFile = None, database: DatabaseFile
         listed += [{"audit": fault.event, "what": fault.what} for fault in in_audit]
         say_json({"database": str(path), "ok": not listed, **counted, "faults": listed})
     else:
-        lines = [f"{path}: event {fault.event}: {fault.what}" for fault in found]
+        lines = [f"{path}: {f'event {fault.event}: ' if fault.event else ''}{fault.what}" for fault in found]
         lines += [f"{path}: row {fault.event} of the audit: {fault.what}" for fault in in_audit]
         for line in lines[:SHOWN_FAULTS]:
             say(safe(line))

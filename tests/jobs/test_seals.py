@@ -94,6 +94,28 @@ def test_a_change_after_the_end_is_found(change: str, what: str) -> None:
         assert history.verify(db) is None, "the history itself is in order"
 
 
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ("delete from jobs where id = 2", "job 2, which it tells of, is missing"),
+        ("insert", "no event tells that job 9 was made"),
+        ("update jobs set id = 9 where id = 2", "no event tells that job 9 was made"),
+        ("update jobs set sealed = 1 where id = 2", "job 2 is marked as sealed, and no event has its seal"),
+    ],
+)
+def test_a_job_that_comes_or_goes_without_a_word_is_found(change: str, what: str) -> None:
+    with database() as db:
+        seal(db, ended(db))
+        add_job(db)
+        assert found(db) == []
+        if change.startswith("insert"):
+            columns = ", ".join(name for name in db.table("jobs").columns_dict if name not in ("id", "idempotency_key"))
+            change = f"insert into jobs (id, {columns}) select 9, {columns} from jobs where id = 2"
+        db.conn.execute("pragma foreign_keys = off")
+        db.conn.execute(change)
+        assert what in found(db)
+
+
 def test_of_a_long_journal_some_rows_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(seals, "MOST_MARKS", 4)
     with database() as db:
