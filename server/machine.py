@@ -210,6 +210,7 @@ class Machine:
             port.close()
             raise OSError("it was lost while it was being opened")
         self._port = port
+        log.info("%s: %s is open", self.name, self.config.port)
         self._start_engine(port, self.stream.inherit())
 
     def _start_engine(self, port: Port, open_work: OpenWork | None) -> None:
@@ -253,7 +254,8 @@ class Machine:
             self._end_epoch(reason)
 
     def _refused(self, reason: str) -> None:
-        log.info("%s: cannot open %s: %s", self.name, self.config.port, reason)
+        if reason != self._reconnect.refusal:  # once for each: a machine may be off for a night
+            log.info("%s: cannot open %s: %s", self.name, self.config.port, reason)
         if self._reconnect.attempts == 0:
             message = f"{self.config.port} cannot be opened: {reason}"
             self._hub.publish("log", self.name, {"level": "warning", "message": message})

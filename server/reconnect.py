@@ -44,6 +44,8 @@ class Reconnect:
         self.phase = Phase.OFF
         self.epoch = 0
         self.attempts = 0
+        self.refusal = ""
+        """Why the last attempt came to nothing."""
         self._open_epoch = open_epoch
         self._on_refused = on_refused
         self._task: asyncio.Task[None] | None = None
@@ -101,9 +103,12 @@ class Reconnect:
                 if not isinstance(error, OSError):
                     log.exception("an epoch could not be begun")
                 self._go("refused")
-                self._on_refused(str(error) or type(error).__name__)
+                reason = str(error) or type(error).__name__
+                self._on_refused(reason)
+                self.refusal = reason
             else:
                 self._go("opened")
+                self.refusal = ""
                 await self._lost.wait()
                 self._go("lost")
             delay_s = DELAYS_S[min(self.attempts, len(DELAYS_S) - 1)]

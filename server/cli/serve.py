@@ -28,6 +28,7 @@ from server.clock import WallClock
 from server.config import Config
 from server.httpwire import MAX_CONNECTIONS, HttpProtocol
 from server.hub import utc_now
+from server.logformat import log_handler
 from server.notify import Notifier, keep_telling
 from server.outbound.errors import OutboundError
 from server.outbound.service import Outbound
@@ -76,9 +77,7 @@ def serve(ctx: typer.Context, config: ConfigFile = None) -> None:
 
 def run(config: Config) -> None:
     """The daemon of `config` in the foreground. Raises CliError when it cannot start."""
-    logging.basicConfig(
-        level=config.server.log_level.upper(), format="%(asctime)s %(levelname)-7s %(name)s: %(message)s"
-    )
+    logging.basicConfig(level=config.server.log_level.upper(), handlers=[log_handler(os.environ)])
     with asyncio.Runner(loop_factory=loop_factory()) as runner:
         runner.run(_serve(config))
 
@@ -123,7 +122,16 @@ def bind(host: str, port: int) -> socket.socket:
 
 
 class _Server(uvicorn.Server):
-    """uvicorn without its signal handlers: it would end the process by the signal, not by its exit code."""
+    """uvicorn without its signal handlers: it would end the process by the signal, not by its exit code. `answers` is
+    set when requests are answered."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.answers = asyncio.Event()
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self.answers.set()
 
     @contextlib.contextmanager
     def capture_signals(self):  # type: ignore[no-untyped-def]
@@ -133,10 +141,16 @@ class _Server(uvicorn.Server):
 class RunningDaemon:
     """A daemon that serves. `url` is its address for people."""
 
-    def __init__(self, server: uvicorn.Server, serving: asyncio.Task[None], url: str) -> None:
+    def __init__(self, server: _Server, serving: asyncio.Task[None], url: str) -> None:
         self._server = server
         self._serving = serving
         self.url = url
+
+    async def started(self) -> None:
+        """Returns when requests are answered: whoever waits for the daemon may be told."""
+        answers = asyncio.ensure_future(self._server.answers.wait())
+        await asyncio.wait([answers, self._serving], return_when=asyncio.FIRST_COMPLETED)
+        answers.cancel()
 
     async def stopped(self) -> None:
         """Returns when somebody has asked it to stop."""
@@ -166,6 +180,7 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
             server = _Server(_uvicorn_config(app, config))
             daemon = RunningDaemon(server, asyncio.create_task(server.serve(sockets=[listener])), address(listener))
             on_stop_signal(daemon.stop)
+            await daemon.started()
             async with _beside(workshop), outbound.running(workshop, listener):
                 try:
                     yield daemon
@@ -187,6 +202,7 @@ async def _beside(workshop: "Workshop") -> AsyncIterator[None]:
     ]
     if notifier:
         tasks.append(asyncio.create_task(keep_telling(notifier, workshop.db, partial(_sentence, workshop))))
+    notifier.status(_sentence(workshop))
     notifier.ready()
     try:
         yield

@@ -268,18 +268,26 @@ def test_what_ends_a_program_of_its_own(tmp_path: Path, event: Any) -> None:
     run_simulated(main())
 
 
-def test_a_port_that_cannot_be_opened_is_told_once(tmp_path: Path) -> None:
+def test_a_port_that_cannot_be_opened_is_told_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO", "server.machine")
+    reason = "no such file"
+
     async def main() -> None:
+        nonlocal reason
         bench = Bench(tmp_path)
 
         async def refuse(*_args: Any) -> FakePort:
-            raise OSError("permission denied")
+            raise OSError(reason)
 
         bench.machine._opener = refuse  # type: ignore[assignment]
         bench.machine._reconnect.want()
         await asyncio.sleep(300)
         assert bench.hub.published["log"] == 1
         assert bench.machine.link_status == "connecting"
+        assert [one.message.split(": ")[-1] for one in caplog.records] == ["no such file"]
+        reason = "permission denied"
+        await asyncio.sleep(60)
+        assert [one.message.split(": ")[-1] for one in caplog.records] == ["no such file", "permission denied"]
         await bench.close()
 
     run_simulated(main())

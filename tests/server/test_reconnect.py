@@ -51,9 +51,11 @@ def test_it_tries_for_ever_with_growing_pauses() -> None:
         ports.reconnect.want()
         await asyncio.sleep(3600)
         assert len(ports.refused) == pytest.approx(3600 / DELAYS_S[-1], rel=0.05)
+        assert ports.reconnect.refusal == "no such device"
         ports.broken = False
         await asyncio.sleep(DELAYS_S[-1])
         assert ports.reconnect.phase is Phase.OPEN
+        assert ports.reconnect.refusal == "", "the next one is news"
         ports.reconnect.unwant()
 
     run_simulated(main())

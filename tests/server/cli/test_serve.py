@@ -127,9 +127,10 @@ def test_a_daemon_answers_and_ends_with_0_on_sigterm(tmp_path: Path) -> None:
             assert "server" not in httpx.get(f"{url}/healthz").headers
             daemon.send_signal(signal.SIGTERM)
             assert daemon.wait(timeout=30) == 0
-            told = [systemd.recv(4096).decode() for _ in range(4)]
-            assert told[0] == "READY=1"
-            assert told[1].startswith("STATUS=")
-            assert told[2:] == ["WATCHDOG=1", "STOPPING=1"]
+            told = [systemd.recv(4096).decode() for _ in range(5)]
+            assert told[0].startswith("STATUS="), "`systemctl status` has a sentence from the beginning"
+            assert told[1] == "READY=1"
+            assert told[2].startswith("STATUS=")
+            assert told[3:] == ["WATCHDOG=1", "STOPPING=1"]
         finally:
             daemon.kill()
