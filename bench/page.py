@@ -6,7 +6,7 @@ daemon's own address, and the clock is the browser's.
 
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -17,10 +17,13 @@ from tests.harness.browser import FIRST_BYTES, HEARD, Traffic, chromium, heap_by
 from tests.harness.process import MACHINE, Daemon, daemon
 from tests.harness.stage import stage
 
+TITLE = "page: the dashboard in a browser"
+PARTS = ("visit", "hour", "path")
 COLD_STARTS = 7
 STATES = 36_000
 ROUNDS = 12
 SEGMENTS = 1_000_000
+Say = Callable[[str], None]
 PLACES = ("machine", "plots", "console")
 TURNED_S = 4.0
 PAINT = "performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? 0"
@@ -32,17 +35,32 @@ THERE = """() => new Promise((done) => {
 DRIVER = r"GL Driver Message|GPU stall"
 
 
-def run(*, states: int = STATES, segments: int = SEGMENTS, cold_starts: int = COLD_STARTS) -> Report:
-    """Some minutes. Raises pytest's Skipped where there is no Chromium."""
+def silent(_: str) -> None:
+    """For who wants the report alone."""
+
+
+def run(
+    only: Sequence[str] = PARTS,
+    *,
+    say: Say = silent,
+    states: int = STATES,
+    segments: int = SEGMENTS,
+    cold_starts: int = COLD_STARTS,
+) -> Report:
+    """The parts that are named; `say` is told each as it ends. Raises pytest's Skipped where there is no Chromium."""
+    say(f"=== {TITLE}")
+    groups: list[tuple[str, tuple[Figure, ...]]] = []
     with chromium() as browser, started() as shop:
-        return Report.of(
-            "page: the dashboard in a browser",
-            [
-                ("first visit, cold cache, loopback", first_visit(browser, shop.url, cold_starts)),
-                (f"{states:,} states at 10 Hz, accelerated", memory(browser, states)),
-                (f"path of {segments:,} moves", preview(browser, shop, segments)),
-            ],
-        )
+        take: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
+            "visit": ("first visit, cold cache, loopback", lambda: first_visit(browser, shop.url, cold_starts)),
+            "hour": (f"{states:,} states at 10 Hz, accelerated", lambda: memory(browser, states, say=say)),
+            "path": (f"path of {segments:,} moves", lambda: preview(browser, shop, segments)),
+        }
+        for part in only or PARTS:
+            heading, measured = take[part]
+            groups.append((heading, tuple(measured())))
+            say("\n".join(["", heading, *map(str, groups[-1][1])]))
+    return Report(TITLE, tuple(groups))
 
 
 @contextmanager
@@ -70,7 +88,9 @@ def first_visit(browser: Browser, url: str, times: int) -> list[Figure]:
     ]
 
 
-def memory(browser: Browser, states: int, places: Sequence[str] = PLACES, rounds: int = ROUNDS) -> list[Figure]:
+def memory(
+    browser: Browser, states: int, places: Sequence[str] = PLACES, rounds: int = ROUNDS, say: Say = silent
+) -> list[Figure]:
     """The heap after each round, and what a message leaves behind in the second half."""
     figures = []
     for place in places:
@@ -79,6 +99,7 @@ def memory(browser: Browser, states: int, places: Sequence[str] = PLACES, rounds
             one.go(f"{MACHINE}/{place}")
             session = one.context.new_cdp_session(one.page)
             used = []
+            say(f"  {states:,} states on the page {place} ...")
             for _ in range(rounds):
                 play.run(states // rounds)
                 while heard(one.page) < play.seq:
