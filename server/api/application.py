@@ -6,6 +6,7 @@ loop that answers requests also keeps the machines, and describing all routes ta
 
 from contextlib import AbstractContextManager, nullcontext
 from functools import cache
+from importlib import import_module
 from importlib.metadata import version
 from typing import cast
 
@@ -37,6 +38,10 @@ from server.hub import rfc3339, utc_now
 from server.jsontext import dumps
 from server.lease import Leases
 
+LATE_IMPORTS = ("anyio._backends._asyncio",)
+"""What the first request that asks whether its client is still there would import: 20 ms of the loop, with a job under
+way as well."""
+
 
 def build(services: Services) -> FastAPI:
     """Put the application together. Of `services` only the configuration must be there already."""
@@ -66,6 +71,8 @@ def build(services: Services) -> FastAPI:
         record=Trail(lambda: services.audit).request,
     )
     description()
+    for name in LATE_IMPORTS:
+        import_module(name)
     return app
 
 
