@@ -217,7 +217,7 @@ class ElvintoEngine(Settling):
         elif self._turn is not None and id in self._turn.ids:
             self._turn.received = self._turn.received or id == self._turn.ids[-1]
         else:
-            self._stray_acknowledgement(id)
+            self._stray_acknowledgement(id, now)
 
     def _on_ok(self, message: Message, now: float) -> None:
         id = integer(message.params.get("ID"))
@@ -259,13 +259,13 @@ class ElvintoEngine(Settling):
         else:
             self._on_received(message, now)
 
-    def _stray_acknowledgement(self, id: int) -> None:
+    def _stray_acknowledgement(self, id: int, now: float) -> None:
         """Of an ID that is not in flight: counted and ignored (elvinto §5.2), but for what it says of the memory."""
         if id <= LAST_PROBE_ID or id == self._ids.memory:
             return
         self._emit(ProtocolFault("unknown_id", f"an acknowledgement of ID {id}, which is not in flight"))
         if not self._ids.given(id):
-            self._ids.rise_above(id)
+            self._never_given(id, now)
 
     def _on_state(self, message: Message, now: float) -> None:
         report = read_state(message)

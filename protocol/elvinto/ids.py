@@ -5,6 +5,8 @@ remembers an ID that was never given; downwards, and it refuses the command, *if
 The one rule: whoever sends something that must not run twice asks `proven` first.
 """
 
+from collections.abc import Sequence
+
 FIRST_ID = 1000
 """IDs of commands start here, so that the probes' IDs stay below them even with a digit doubled on the wire."""
 LAST_PROBE_ID = 99
@@ -13,6 +15,19 @@ HIGHEST_ID = 2_000_000_000
 TRIES_BEFORE_LEAP = 3
 """Queries of one kind under the next IDs; if none is accepted, the memory may hold a higher ID: leap a digit. A digit
 doubled on the wire makes two leaps needed; both fit into the tries of a query."""
+
+
+def came_of(heard: int, given: Sequence[int]) -> bool:
+    """Whether an ID that nobody gave came of the first of `given` by one digit that was changed, added or lost, and of
+    none of the others: those are questions, which may be executed as often as they like."""
+    return _one_digit(str(heard), str(given[0])) and not any(_one_digit(str(heard), str(id)) for id in given[1:])
+
+
+def _one_digit(heard: str, given: str) -> bool:
+    long, short = max(heard, given, key=len), min(given, heard, key=len)
+    if len(long) == len(short):
+        return sum(a != b for a, b in zip(long, short, strict=True)) == 1
+    return any(long[:at] + long[at + 1 :] == short for at in range(len(long)))
 
 
 class Ids:

@@ -4,10 +4,12 @@ Third layer of the engine (see `exchange.py`); `settle.py` holds the evidence an
 The one rule: INIT is never sent while a case is open, and every case ends in exactly one report.
 """
 
+import math
 from typing import Literal
 
 from protocol.elvinto.codec import encode_gcode
 from protocol.elvinto.flights import Flights
+from protocol.elvinto.ids import came_of
 from protocol.elvinto.phases import Flight, Phase
 from protocol.elvinto.settle import Case
 from protocol.events import (
@@ -141,6 +143,20 @@ class Settling(Flights):
             self._emit(CommandFailed(manual.token, None, f"whether it was executed is not known: {reason}"))
         else:
             self._emit(FateInDoubt(tuple(case.done), case.remaining_ids, reason, dict(self._standing)))
+
+    def _never_given(self, id: int, now: float) -> None:
+        """An ID that nobody gave was acknowledged: a digit of a header changed. Was it that of a repetition, its bytes
+        may have been executed under their own ID before, and the machine does not say so (elvinto §5)."""
+        later = range(self._ids.next)
+        self._ids.rise_above(id)
+        unproven, flight = self._unproven, self._flight
+        why = f"ID {id} was acknowledged, which was never given: a batch that was repeated may have been executed twice"
+        if unproven is not None and unproven.repeated and came_of(id, later[unproven.id :]):
+            self._unproven = None
+            self._emit(FateInDoubt((), (unproven.id,), why, dict(self._standing)))
+        elif flight is not None and flight.attempts > 1 and not flight.repeatable and came_of(id, later[flight.id :]):
+            self._case = self._case or Case((flight.batch,), flight.start, math.inf)
+            self._in_doubt(why, now)
 
     def _break_off(self, reason: Literal["error", "alarm", "estop", "restart"], code: int | None, message: str) -> None:
         """Whatever is under way ends here, each with its own report."""

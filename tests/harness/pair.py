@@ -248,6 +248,11 @@ class Pair:
     def blocks(self, indices: Sequence[int]) -> list[str]:
         return [block for index in indices for block in self.program[index].blocks]
 
+    @property
+    def flipped(self) -> bool:
+        """The machine acknowledged an ID that nobody gave, while a batch was being repeated."""
+        return any(isinstance(event, FateInDoubt) and "executed twice" in event.reason for event in self.events)
+
     def verify(self) -> None:
         """Exactly once, in order; or interrupted, with the certain and the doubtful named rightly."""
         assert self.done == list(range(len(self.done))), self.seed
@@ -259,6 +264,8 @@ class Pair:
         assert executed[: len(certain)] == certain, f"seed {self.seed}: a certain block was not executed"
         rest = executed[len(certain) :]
         doubtful = self.blocks(self.doubt)
+        if self.flipped and rest[: len(doubtful)] == doubtful:
+            rest = rest[len(doubtful) :]
         # A machine that restarts between two copies of a batch begins it anew: only lines in doubt, from the first.
         while rest and any(mishap.kind == "restart" for mishap in self.mishaps) and rest[0] in doubtful[:1]:
             again = rest.index(rest[0], 1) if rest[0] in rest[1:] else len(rest)

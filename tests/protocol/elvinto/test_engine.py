@@ -16,6 +16,7 @@ from protocol.commands import (
 )
 from protocol.elvinto.dialect import Dialect
 from protocol.elvinto.engine import ElvintoEngine
+from protocol.elvinto.ids import came_of
 from protocol.engine import Engine
 from protocol.errors import LocalError, MessageTooLongError
 from protocol.events import (
@@ -642,3 +643,20 @@ def test_what_only_another_dialect_knows_is_answered_and_not_sent():
     assert [event.token for event in scene.take(CommandFailed)] == [5, 6]
     assert scene.sent() == []
     assert scene.engine.free() == 1
+
+
+@pytest.mark.parametrize(
+    ("heard", "given", "came"),
+    [
+        (2033, [2013], True),
+        (20133, [2013], True),
+        (213, [2013], True),
+        (2013, [2013], False),
+        (2034, [2013], False),
+        (2033, [2013, 2034], False),
+        (20114, [2011, 2012, 2013, 2014], False),
+        (3, [2013], False),
+    ],
+)
+def test_an_id_that_nobody_gave_came_of_the_repetition_or_of_a_question(heard, given, came):
+    assert came_of(heard, given) is came
