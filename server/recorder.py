@@ -4,7 +4,7 @@ Not the history (jobs/history.py) and not a log file. The one rule: it is bounde
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime, timedelta
 from itertools import islice
 from typing import Any
@@ -14,7 +14,7 @@ from server.hub import rfc3339
 
 CONSOLE_MESSAGES = 1000
 MESSAGE_CHARS = 1000
-"""A batch is 512 bytes by default; what a machine says may be anything."""
+"""As many are shown. A batch is 512 bytes by default; of what a machine says each engine cuts the rest off itself."""
 DUMPED_FRAMES = 200
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MICROSECOND = timedelta(microseconds=1)
@@ -27,23 +27,34 @@ class Recorder:
     def __init__(self, wall: Callable[[], datetime], time: Callable[[], float]) -> None:
         self._wall = wall
         self._time = time
-        self._messages: deque[tuple[float, str, str]] = deque(maxlen=CONSOLE_MESSAGES)
+        self._pieces: deque[tuple[float, Sequence[tuple[str, str]]]] = deque()
+        """As they were seen: mostly an `ok` and the line that went out before it."""
+        self._kept = 0
 
-    def record(self, messages: Iterable[tuple[str, str]], now: float) -> None:
-        """Keep messages (protocol.events.MessagesSeen)."""
-        self._messages += [(now, direction, text[:MESSAGE_CHARS]) for direction, text in messages]
+    def record(self, messages: Sequence[tuple[str, str]], now: float) -> None:
+        """Keep messages, which nobody changes any more (protocol.events.MessagesSeen)."""
+        pieces = self._pieces
+        pieces.append((now, messages))
+        self._kept += len(messages)
+        while self._kept - len(pieces[0][1]) >= CONSOLE_MESSAGES:
+            self._kept -= len(pieces.popleft()[1])
 
     def newest(self) -> dict[str, Any]:
         """The last message. Raises IndexError before there is one."""
-        at, direction, text = self._messages[-1]
+        at, messages = self._pieces[-1]
+        direction, text = messages[-1]
         wall = self._wall() - timedelta(seconds=self._time() - at)
-        return {"at": rfc3339(wall), "direction": direction, "text": text}
+        return {"at": rfc3339(wall), "direction": direction, "text": text[:MESSAGE_CHARS]}
 
     def console(self, limit: int) -> list[dict[str, Any]]:
         """The last messages, oldest first."""
-        messages = islice(self._messages, max(0, len(self._messages) - max(0, limit)), None)
         stamp = self._stamps()
-        return [{"at": stamp(at), "direction": direction, "text": text} for at, direction, text in messages]
+        kept = ((at, direction, text) for at, messages in self._pieces for direction, text in messages)
+        left_out = self._kept - min(max(0, limit), CONSOLE_MESSAGES)
+        return [
+            {"at": stamp(at), "direction": direction, "text": text[:MESSAGE_CHARS]}
+            for at, direction, text in islice(kept, max(0, left_out), None)
+        ]
 
     def _stamps(self) -> Callable[[float], str]:
         """From the loop's time to that of people. A thousand messages are of a few seconds: each second is written

@@ -47,6 +47,15 @@ def test_it_is_bounded_in_messages_and_in_characters() -> None:
     assert {len(entry["text"]) for entry in console} == {MESSAGE_CHARS}
 
 
+def test_messages_that_came_together_are_counted_and_cut_one_by_one() -> None:
+    recorder = Recorder(lambda: NOON, lambda: 0.0)
+    texts = [str(number) for number in range(CONSOLE_MESSAGES + 7)]
+    for at in range(0, len(texts), 3):
+        recorder.record([("<", text) for text in texts[at : at + 3]], 0.0)
+    assert [entry["text"] for entry in recorder.console(4)] == texts[-4:]
+    assert [entry["text"] for entry in recorder.console(CONSOLE_MESSAGES * 2)] == texts[-CONSOLE_MESSAGES:]
+
+
 def test_frames_say_how_long_ago_and_show_every_byte() -> None:
     frames = [Frame(10.0, ">", b"READY;"), Frame(10.5, "<", b"\xff\x00OK;")]
     assert dump(frames, now=11.0) == {
