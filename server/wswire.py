@@ -54,6 +54,14 @@ class WireProtocol(WebSocketsSansIOProtocol):
         if self._open:
             self.transport.write(frames)
 
+    def handle_ping(self) -> None:
+        """A peer that does not read what it has already is not given pongs on top, as many as it likes: that of its
+        last ping is enough (RFC 6455 §5.5.3)."""
+        if self.has_room:
+            super().handle_ping()
+        else:
+            self.conn.data_to_send()
+
     def resume_writing(self) -> None:
         """The peer has read on."""
         super().resume_writing()

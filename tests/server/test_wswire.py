@@ -19,6 +19,7 @@ HANDSHAKE = (
 )
 CLOSE = bytes.fromhex("88 82 00 00 00 00 03 e8")
 """A masked close of the client, 1000, under the mask 0."""
+PING, PONG = bytes.fromhex("89 82 00 00 00 00 68 69"), bytes.fromhex("8a 02 68 69")
 
 App = Callable[[Any, Any, Any], Awaitable[None]]
 
@@ -102,6 +103,21 @@ def test_a_peer_that_does_not_read_is_told_of() -> None:
         connection.protocol.pause_writing()
         connection.protocol.resume_writing()
         assert calls == [True]
+
+    run(main())
+
+
+def test_pings_of_a_peer_that_does_not_read_fill_nothing() -> None:
+    async def main() -> None:
+        connection = Connection()
+        await connection.opened()
+        connection.protocol.pause_writing()
+        for _ in range(1000):
+            connection.protocol.data_received(PING)
+        assert len(connection.transport.written) == 1
+        connection.protocol.resume_writing()
+        connection.protocol.data_received(PING)
+        assert connection.transport.written[1:] == [PONG]
 
     run(main())
 
