@@ -98,6 +98,15 @@ def create_token(db: Database, name: str, role: str, expires: str | None = None,
 
 def list_tokens(db: Database) -> list[Token]:
     """All tokens, revoked ones too, oldest first."""
+    return _tokens(db, "1")
+
+
+def list_live_tokens(db: Database) -> list[Token]:
+    """Those that are not revoked: whoever makes a token for each day has thousands of others after some years."""
+    return _tokens(db, "revoked_at is null")
+
+
+def _tokens(db: Database, wanted: str) -> list[Token]:
     return [
         Token(
             id=str(row["id"]),
@@ -109,7 +118,7 @@ def list_tokens(db: Database) -> list[Token]:
             revoked_at=row["revoked_at"],
             expires_at=row["expires_at"],
         )
-        for row in db.query(f"select * from {TABLE} order by created_at, rowid")  # noqa: S608 - a constant
+        for row in db.query(f"select * from {TABLE} where {wanted} order by created_at, rowid")  # noqa: S608 - constants
     ]
 
 
@@ -177,9 +186,10 @@ class TokenStore:
     async def load(self) -> None:
         """Read the table; once before the daemon listens, and by itself later."""
         self._loaded_at = self._monotonic()
-        live = [token for token in await self._run(list_tokens) if token.revoked_at is None]
+        live: list[Token] = await self._run(list_live_tokens)
         self._by_hash = {token.hash: token for token in live}
         self._by_id = {token.id: token for token in live}
+        self._used_at = {id: at for id, at in self._used_at.items() if id in self._by_id}
 
     async def identify(self, *, bearer: str | None, cookie: str | None, address: str = "") -> Principal | None:
         """Who comes with this token or cookie; None when it is not good (any more). Raises ProblemError when too many

@@ -297,3 +297,19 @@ def test_who_guesses_is_refused_unseen_and_nobody_else_is() -> None:
             assert await c.tokens.identify(bearer=right, cookie=None, address="10.0.0.1")
 
     run(main())
+
+
+def test_of_tokens_that_were_revoked_nothing_stays_in_memory() -> None:
+    async def main() -> None:
+        async with Clockwork() as c:
+            kept = await c.tokens.create("screen", "viewer")
+            for day in range(20):
+                made = await c.tokens.create(f"guest {day}", "viewer")
+                assert await c.tokens.identify(bearer=made["token"], cookie=None)
+                await c.tokens.revoke(made["id"])
+            assert await c.tokens.identify(bearer=kept["token"], cookie=None)
+            await settle()
+            assert list(c.tokens._used_at) == [kept["id"]]
+            assert len(await c.tokens.list()) == 21, "their rows stay"
+
+    run(main())
