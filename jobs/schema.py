@@ -212,6 +212,13 @@ def m017_audit(db: Database) -> None:
     db.execute(AUDIT_STAYS)
 
 
+@migrations()
+def m018_hold_reason(db: Database) -> None:
+    """Why a job that waits is on hold (jobs/holds.py)."""
+    db.execute("alter table jobs add column hold_code text")
+    db.execute("alter table jobs add column hold_message text")
+
+
 class NewerDatabaseError(sqlite3.DatabaseError):
     """The tables were brought up to date by a version after this one."""
 

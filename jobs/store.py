@@ -9,9 +9,10 @@ from typing import Any
 
 from sqlite_utils import Database
 
-from jobs import history
+from jobs import history, holds
 from jobs.effects import SetStatus
 from jobs.experience import Run
+from jobs.holds import Hold
 from jobs.job import ACTIVE, ENDED, JobError, Status, check_transition
 
 Row = Mapping[str, Any]
@@ -33,6 +34,8 @@ FIELDS_OF_A_NEW_JOB = (
     "mode",
     "on_error",
     "ignored_errors",
+    "hold_code",
+    "hold_message",
 )
 FIELDS_OF_A_PROGRAM = ("id", "name", "lines", "bytes", "sha256", "created_at", "source_program")
 
@@ -123,6 +126,7 @@ def add_job(db: Database, fields: Mapping[str, Any], *, at: str) -> Row:
     cursor = db.execute(f"insert into jobs ({', '.join(columns)}) values ({_marks(columns)})", values)  # noqa: S608
     assert cursor.lastrowid is not None
     data = {"program": fields["program"], "name": fields["program_name"], "hold": bool(fields["hold"])}
+    data |= {"hold_code": fields.get("hold_code")} if fields["hold"] else {}
     history.append(db, at=at, machine=fields["machine"], job=cursor.lastrowid, kind="created", data=data)
     row = job(db, cursor.lastrowid)
     assert row is not None
@@ -210,7 +214,9 @@ def leave_queue(db: Database, id: int, after: Status, *, at: str) -> bool:
 
 def hold_waiting(db: Database, id: int, hold: bool) -> bool:
     """Whether a job that waits is on hold; False, and nothing is changed, where it does not wait any more."""
-    return db.execute("update jobs set hold = ? where id = ? and status = 'queued'", [hold, id]).rowcount == 1
+    why = (holds.ASKED.code, holds.ASKED.message) if hold else (None, None)
+    query = "update jobs set hold = ?, hold_code = ?, hold_message = ? where id = ? and status = 'queued'"
+    return db.execute(query, [hold, *why, id]).rowcount == 1
 
 
 def set_hold(db: Database, id: int, hold: bool) -> None:
@@ -218,10 +224,11 @@ def set_hold(db: Database, id: int, hold: bool) -> None:
     db.execute("update jobs set hold = ? where id = ?", [hold, id])
 
 
-def hold_queue(db: Database, machine: str) -> int:
+def hold_queue(db: Database, machine: str, why: Hold) -> int:
     """Nothing in this queue may start by itself any more; how many jobs that concerned."""
-    query = "update jobs set hold = 1 where machine = ? and status = 'queued' and hold = 0"
-    return db.execute(query, [machine]).rowcount
+    query = """update jobs set hold = 1, hold_code = ?, hold_message = ?
+               where machine = ? and status = 'queued' and hold = 0"""
+    return db.execute(query, [why.code, why.message, machine]).rowcount
 
 
 def set_status(db: Database, id: int, effect: SetStatus, *, at: str) -> None:

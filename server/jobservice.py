@@ -15,6 +15,7 @@ from typing import Any
 
 from jobs import history, journal, store
 from jobs.delivery import Policy
+from jobs.holds import JOB_ENDED, Hold, hold_view
 from jobs.job import ENDED, Status
 from jobs.store import Row
 from protocol.commands import OnError
@@ -188,7 +189,7 @@ class JobService:
                 "program": checked.program["id"],
                 "source_program": source_program or checked.source,
                 "program_name": checked.program["name"],
-                "hold": hold or self._must_wait(controller),
+                **newjob.held(controller, asked=hold),
                 "note": note,
                 "forced": force,
                 "start_line": first,
@@ -209,16 +210,6 @@ class JobService:
         self._hub.publish("job", machine, self._view(row))
         await self._background.finish(self.start_next(machine, halts))
         return await self.get(row["id"])
-
-    def _must_wait(self, controller: Controller) -> bool:
-        """Whether the job can neither start now nor follow another one: then it is put on hold."""
-        if controller.stream.moving:
-            return False
-        try:
-            controller.check_can_start()
-        except ProblemError:
-            return True
-        return False
 
     async def rerun(self, job_id: int) -> dict[str, Any]:
         """The same once more, as a new job. Raises ProblemError."""
@@ -250,7 +241,15 @@ class JobService:
     async def queue(self, machine: str) -> Views:
         """What waits for this machine, in order."""
         rows = await self.db.run(store.queue, machine)
-        return [{"id": row["id"], "program_name": row["program_name"], "hold": bool(row["hold"])} for row in rows]
+        return [
+            {
+                "id": row["id"],
+                "program_name": row["program_name"],
+                "hold": bool(row["hold"]),
+                "hold_reason": hold_view(row),
+            }
+            for row in rows
+        ]
 
     async def announce_queue(self, machine: str) -> None:
         """Tell everybody how the queue stands."""
@@ -267,7 +266,7 @@ class JobService:
             self._background.begin(self._after(machine, partial(self.start_next, halts=halts)))
         elif status in ENDED:
             # Posted at once: a wish that comes after this end (let the next one go) must not be overtaken by it.
-            self.db.post(store.hold_queue, machine)
+            self.db.post(store.hold_queue, machine, JOB_ENDED)
             self._background.begin(self._after(machine, self.announce_queue))
 
     async def _after(self, machine: str, then: Callable[[str], Awaitable[None]]) -> None:
@@ -342,11 +341,11 @@ class JobService:
             return None
         try:
             if controller.stream.beginning.halts != halts:
-                raise ProblemError("wrong_state", "a stop or a pause was demanded meanwhile")
+                raise ProblemError("wrong_state", "A stop or a pause was demanded meanwhile.")
             controller.check_can_start()
         except ProblemError as problem:
             log.info("%s: job %d is put on hold: %s", controller.name, row["id"], problem)
-            await self.db.run(store.hold_queue, controller.name)
+            await self.db.run(store.hold_queue, controller.name, Hold(problem.code, problem.detail))
             return None
         controller.stream.beginning.reserve(row["id"])
         return row

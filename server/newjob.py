@@ -8,7 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from jobs import holds
+from jobs.holds import Hold
 from jobs.store import Row
+from server.controller import Controller
 from server.problems import ProblemError
 from server.programservice import ProgramService
 
@@ -99,6 +102,20 @@ def refuse_lines_of_source(expanded: Mapping[str, Any], start_line: int | None, 
             "with the number of the line they came from. Queue that one with start_line and end_line.",
             expanded_program=expanded["id"],
         )
+
+
+def held(controller: Controller, *, asked: bool) -> dict[str, Any]:
+    """Whether the new job waits on hold, and why: somebody wants it so, or it can neither start now nor follow another
+    one."""
+    why = holds.ASKED if asked else None
+    if why is None and not controller.stream.moving:
+        try:
+            controller.check_can_start()
+        except ProblemError as problem:
+            why = Hold(problem.code, problem.detail)
+    if why is None:
+        return {"hold": False, "hold_code": None, "hold_message": None}
+    return {"hold": True, "hold_code": why.code, "hold_message": why.message}
 
 
 def lines_of(checked: Checked, start_line: int | None, end_line: int | None) -> tuple[int, int]:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from sqlite_utils import Database
 
-from jobs import history, store
+from jobs import history, holds, store
 from jobs.effects import SetStatus
 from jobs.job import ACTIVE, JobError, Status
 from jobs.schema import prepare, unknown_migrations
@@ -129,7 +129,7 @@ def _lay_down(db: Database, manifest: Manifest, at: str) -> int:
     # Which tool is in the spindle is asked for anew: a wrong one would be believed.
     db.execute("update tool_changers set tool_known = 0")
     machines = [row["machine"] for row in db.query("select distinct machine from jobs where status = 'queued'")]
-    held = sum(store.hold_queue(db, machine) for machine in machines)
+    held = sum(store.hold_queue(db, machine, holds.RESTORED) for machine in machines)
     data = {"version": manifest.version, "created_at": manifest.created_at, "held": held, "ended": ended}
     history.append(db, at=at, kind=RESTORED, data=data)
     return held

@@ -34,8 +34,8 @@ class Room:
             )
 
     def check_total(self, stored_bytes: int, more_bytes: int, *, largest_bytes: int = 0) -> None:
-        """Raises ProblemError when all programs together would be more than allowed. Up to `largest_bytes`, those of the
-        largest, what comes may be one that is there already, and takes no room then."""
+        """Raises ProblemError when all programs together would be more than allowed. Up to `largest_bytes`, those of
+        the largest, what comes may be one that is there already, and takes no room then."""
         limit = self._limits.programs_bytes
         if limit and stored_bytes + more_bytes > limit and more_bytes > largest_bytes:
             raise ProblemError(

@@ -10,6 +10,8 @@ from collections.abc import Coroutine, Mapping
 from functools import partial
 from typing import Any
 
+from sqlite_utils import Database
+
 from gcode.held import Held
 from jobs import journal, store
 from jobs.cursor import Cursor
@@ -18,6 +20,7 @@ from jobs.effects import SetStatus
 from jobs.feed import Feed
 from jobs.flight import Adopted
 from jobs.frames import Behind
+from jobs.holds import ASKED, JOB_ENDED, RESTARTED, Hold
 from jobs.job import JobError, Status
 from jobs.ledger import Ledger
 from jobs.program import UnknownProgramError
@@ -44,6 +47,7 @@ log = logging.getLogger(__name__)
 
 WAITED_FOR_S = 3.0
 """Whoever has queued a job is told how it began; where the program is read for longer, that it is `checking`."""
+TOUCHED = ProblemError("wrong_state", "The machine was used by hand while the program was read.")
 UNSTARTABLE = (UnknownProgramError, OSError, CannotStartError, PlanError)
 
 
@@ -114,7 +118,7 @@ class Starter:
                 if not (beginning.held or beginning.cancelled):
                     return False
                 # Whoever pauses or stops in the moment in which a job is chosen wants no other to begin in its place.
-                await self._db.run(store.hold_queue, controller.name)
+                await self._db.run(store.hold_queue, controller.name, ASKED)
                 return True
             touched = controller.manual.touched
             held = await held_by(controller)
@@ -127,38 +131,45 @@ class Starter:
                 absolute=controller.state.absolute,
                 held=held,
             )
-            entered = controller.manual.touched == touched and await self._enter(controller, row)
+            refused = TOUCHED if controller.manual.touched != touched else await self._enter(controller, row)
         except UNSTARTABLE as error:
             code = "not_plannable" if isinstance(error, CannotStartError | PlanError) else "program_missing"
             await self.set_status(row, Status.FAILED, JobError(code, str(error)))
-            await self._db.run(store.hold_queue, controller.name)
+            await self._db.run(store.hold_queue, controller.name, JOB_ENDED)
             return True
         finally:
             wanted = controller.stream.beginning.release()
-        if wanted and entered:
+        if wanted and refused is None:
             await self._begin(controller, row, plan, held)
-        elif wanted:
-            await self._back_to_queue(controller, row)
+        elif wanted and refused is not None:
+            await self._back_to_queue(controller, row, refused)
         else:
             # As behind every other end of a job: what waits behind it waits for somebody's word.
-            self._db.post(store.hold_queue, controller.name)
+            self._db.post(store.hold_queue, controller.name, JOB_ENDED)
             await self.set_status(row, Status.CANCELLED)
             await jobmodes.leave(controller)
         return True
 
-    async def _enter(self, controller: Controller, row: Row) -> bool:
-        """Put the machine into the job's mode; False where it does not go."""
+    async def _enter(self, controller: Controller, row: Row) -> ProblemError | None:
+        """Put the machine into the job's mode; why it does not go."""
         try:
             await jobmodes.enter(controller, row, self._db, self._clock)
         except ProblemError as problem:
-            log.info("%s: job %d goes back to the queue: %s", controller.name, row["id"], problem)
-            return False
-        return True
+            return problem
+        return None
 
-    async def _back_to_queue(self, controller: Controller, row: Row) -> None:
+    async def _back_to_queue(self, controller: Controller, row: Row, why: ProblemError) -> None:
         """Nothing was sent; somebody has to ask again."""
-        await self.set_status(row, Status.QUEUED)
-        await self._db.run(store.hold_queue, controller.name)
+        log.info("%s: job %d goes back to the queue: %s", controller.name, row["id"], why)
+        effect = SetStatus(Status(row["status"]), Status.QUEUED, row["line_done"])
+        hold, at = Hold(why.code, why.detail), stamp(self._clock)
+
+        def write(db: Database) -> None:
+            store.set_status(db, row["id"], effect, at=at)
+            store.hold_queue(db, controller.name, hold)
+
+        await self._db.run(write)
+        await self._announce(row)
 
     async def _begin(self, controller: Controller, row: Row, plan: Plan, held: Held | None) -> None:
         try:
@@ -166,8 +177,7 @@ class Starter:
             self._check_stands_there(controller, held)
         except ProblemError as problem:
             # It was torn down while the program was read.
-            log.info("%s: job %d goes back to the queue: %s", controller.name, row["id"], problem)
-            await self._back_to_queue(controller, row)
+            await self._back_to_queue(controller, row, problem)
             await jobmodes.leave(controller)
             return
         if held is not None:
@@ -245,7 +255,7 @@ class Starter:
             await self.set_status(row, Status.QUEUED)
             row = None
         if row is None:
-            await self._db.run(store.hold_queue, controller.name)
+            await self._db.run(store.hold_queue, controller.name, RESTARTED)
         else:
             await self._adopt(controller, row)
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
+from jobs.holds import hold_view
 from jobs.job import Status
 from jobs.pace import Left
 from jobs.runner import Runner
@@ -83,6 +84,7 @@ def job_view(row: Row, clock: Clock, runner: Runner | None = None, left: Left | 
         "error": None if error is None else error.view(),
         "tool": row["tool"] if runner is None else runner.tool,
         "hold": bool(row["hold"]) if runner is None else runner.holding,
+        "hold_reason": hold_view(row) if runner is None else None,
         "cancelling": runner is not None and runner.cancelling and status is Status.RUNNING,
         "mode": row["mode"],
         "on_error": row["on_error"],

@@ -73,6 +73,7 @@ export interface Job {
   error: { code: string; message: string; line_from: number | null; line_to: number | null } | null;
   tool: number | null;
   hold: boolean;
+  hold_reason: { code: string; message: string } | null;
   cancelling: boolean;
   note: string | null;
   mode: string;
@@ -89,6 +90,7 @@ export interface Waiting {
   id: number;
   program_name: string;
   hold: boolean;
+  hold_reason?: { code: string; message: string } | null;
 }
 
 export interface Message {

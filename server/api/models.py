@@ -237,6 +237,15 @@ class JobErrorView(BaseModel):
     line_to: int | None
 
 
+class HoldView(BaseModel):
+    """Why a job waits on hold: `asked`, `job_ended`, `restarted`, `restored`, or the code of what kept it from
+    beginning."""
+
+    model_config = example(code="not_connected", message="router is connecting. Check the cable and the port.")
+    code: str
+    message: str
+
+
 JobStatus = Literal[
     "queued", "checking", "running", "paused", "waiting", "completed", "failed", "cancelled", "interrupted"
 ]
@@ -257,6 +266,7 @@ JOB_EXAMPLE: dict[str, Any] = {
         "seconds_left_max": 174.1,
     },
     "error": None,
+    "hold_reason": None,
     "created_at": TIME,
     "started_at": TIME,
     "ended_at": None,
@@ -275,6 +285,7 @@ class JobView(BaseModel):
     machine: str
     progress: ProgressView
     error: JobErrorView | None
+    hold_reason: HoldView | None
 
 
 class MoveRequest(BaseModel):

@@ -29,6 +29,8 @@ def describe(job: Mapping[str, Any]) -> str:
     status = str(job["status"])
     if status == "waiting":
         return f"waiting for an operator: {_wanted(job)}"
+    if status == "queued" and (hold := job.get("hold_reason")):
+        return f"queued, on hold: {safe(hold['message'])}"
     error = job.get("error")
     if not error:
         return safe(status)

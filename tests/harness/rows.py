@@ -44,6 +44,8 @@ def job_fields(**changes: Any) -> dict[str, Any]:
         "request_hash": "h",
         "rerun_of": None,
         "source_program": None,
+        "hold_code": None,
+        "hold_message": None,
     }
     return fields | changes
 

@@ -8,6 +8,7 @@ from sqlite_utils import Database
 from jobs import history, store
 from jobs.effects import SetStatus
 from jobs.experience import Run
+from jobs.holds import JOB_ENDED
 from jobs.job import JobError, Status
 from protocol.errors import LocalError
 from tests.harness.rows import AT, add_job, database, job_fields
@@ -138,7 +139,7 @@ def test_a_change_that_the_table_does_not_know_raises_and_more_news_of_the_same_
 def test_a_queue_is_put_on_hold() -> None:
     with database() as db:
         ids = [add_job(db), add_job(db, hold=True), add_job(db, machine="lathe")]
-        assert store.hold_queue(db, "router") == 1
+        assert store.hold_queue(db, "router", JOB_ENDED) == 1
         assert [row["hold"] for row in store.queue(db, "router")] == [1, 1]
         store.set_hold(db, ids[0], False)
         assert [row["hold"] for row in store.queue(db, "router")] == [0, 1]

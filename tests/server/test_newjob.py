@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from starlette.requests import ClientDisconnect
 
+from jobs import store
 from server.api import create_app
 from server.childworker import ChildEndedError
 from server.problems import ProblemError
@@ -17,6 +18,7 @@ from tests.harness.workshop import MACHINE, Bench, one_chunk
 
 PROGRAM = b"G90\nG1 X1 F600\nG1 X2\nM30\n"
 EXPANDED = b"G90\n#1=3\nG1 X#1 F600\nM30\n"
+LONG = "G90\n" + "".join(f"G1 X{at % 50} F600\n" for at in range(200)) + "M30\n"
 READ_S = 20.0
 
 
@@ -160,6 +162,65 @@ def test_a_process_that_is_killed_is_a_refusal_with_a_code(tmp_path: Path) -> No
         await shop.programs.delete(program)
 
     told(tmp_path, story)
+
+
+def test_what_waits_on_hold_says_why(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = Bench(tmp_path)
+        shop = await bench.start()
+        assert shop.machines[MACHINE].link_status == "connecting"
+        early = await bench.job(PROGRAM.decode())
+        assert (early["status"], early["hold"]) == ("queued", True)
+        assert early["hold_reason"]["code"] == "not_connected"
+        assert "router is connecting" in early["hold_reason"]["message"]
+        await bench.connected()
+        asked = await bench.job(PROGRAM.decode(), hold=True)
+        assert asked["hold_reason"]["code"] == "asked"
+        assert await _whys(bench) == ["not_connected", "asked"]
+        runs = await bench.job(PROGRAM.decode())
+        assert (runs["status"], runs["hold_reason"]) == ("running", None)
+        behind = await bench.job(PROGRAM.decode())
+        assert (behind["hold"], behind["hold_reason"]) == (False, None)
+        await shop.jobs.cancel(runs["id"])
+        await bench.status(runs["id"], "cancelled")
+        assert (await shop.jobs.get(behind["id"]))["hold_reason"]["code"] == "job_ended"
+        assert await _whys(bench) == ["not_connected", "asked", "job_ended"], "the first reason stays"
+        await shop.jobs.resume(behind["id"])
+        await bench.status(behind["id"], "completed")
+        assert (await shop.jobs.get(behind["id"]))["hold_reason"] is None
+        for id in (early["id"], asked["id"]):
+            await shop.jobs.cancel(id)
+        waits = await bench.job(LONG)
+        last = await bench.job(PROGRAM.decode())
+        assert last["hold_reason"] is None
+        await shop.jobs.pause(last["id"])
+        assert (await shop.jobs.get(last["id"]))["hold_reason"]["code"] == "asked"
+        await shop.stop()
+        assert waits["status"] == "running"
+
+    run_simulated(main())
+
+
+async def _whys(bench: Bench) -> list[str]:
+    assert bench.shop is not None
+    return [one["hold_reason"]["code"] for one in await bench.shop.jobs.queue(MACHINE)]
+
+
+def test_after_a_restart_the_queue_says_so(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = Bench(tmp_path)
+        await bench.connected()
+        await bench.job(LONG)
+        ready = await bench.job(PROGRAM.decode())
+        await bench.shop.jobs.cancel(1)  # type: ignore[union-attr]
+        await bench.status(1, "cancelled")
+        await bench.shop.db.run(store.hold_waiting, ready["id"], False)  # type: ignore[union-attr]
+        bench.crash()
+        await bench.start()
+        assert await _whys(bench) == ["restarted"]
+        await bench.shop.stop()  # type: ignore[union-attr]
+
+    run_simulated(main())
 
 
 def test_who_queues_a_job_is_not_kept_waiting_while_it_is_planned(tmp_path: Path) -> None:

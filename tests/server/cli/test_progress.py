@@ -24,6 +24,12 @@ def follow_turns(*answers: object) -> tuple[object, list[float]]:
 SILENT = CliError(ExitCode.UNREACHABLE, "no daemon answers")
 
 
+def test_a_job_on_hold_says_why() -> None:
+    why = {"code": "not_connected", "message": "router is connecting."}
+    assert describe(job(status="queued", hold_reason=why)) == "queued, on hold: router is connecting."
+    assert describe(job(status="queued", hold_reason=None)) == "queued"
+
+
 def test_it_ends_with_the_job() -> None:
     end = job(10, status="completed")
     assert follow_turns(job(), job(5), end) == (end, [POLL_S, POLL_S])
