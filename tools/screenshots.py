@@ -1,7 +1,8 @@
-"""Pictures of the dashboard for the documentation:  .venv/bin/python -m tools.screenshots   (needs Chromium)
+"""Pictures of the dashboard for the documentation:  .venv/bin/python -m tools.screenshots [VIEW...]   (needs Chromium)
 
-Every view at the width of a workshop's screen, of a tablet and of a phone, from a daemon with virtual machines that
-work. Not a test. The one rule: nothing in a picture is painted; what it shows is what the daemon said in that moment.
+Every view, or those named, at the width of a workshop's screen, of a tablet and of a phone, from a daemon with virtual
+machines that work. Not a test. The one rule: nothing in a picture is painted; what it shows is what the daemon said in
+that moment.
 """
 
 import base64
@@ -10,9 +11,10 @@ import struct
 import sys
 import tempfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -101,16 +103,22 @@ class Shop:
     program: str
 
 
-def main(folder: Path = IMAGES) -> None:
-    """Write all pictures anew."""
+def main(only: Collection[str] = (), folder: Path = IMAGES) -> None:
+    """Write the pictures anew: all, or those of some views."""
     folder.mkdir(parents=True, exist_ok=True)
     with chromium() as browser, shop() as one:
-        taken(browser, one, folder, tool_change)
+        if wanted("tool-change", only):
+            taken(browser, one, folder, tool_change)
         one.daemon.post("/machines/mill/tool/confirm")
         until(lambda: one.daemon.get(f"/jobs/{one.running}")["progress"]["line"] > SHOWN_AT_LINE)
-        taken(browser, one, folder, views)
+        taken(browser, one, folder, partial(views, only=only))
     total = sum(file.stat().st_size for file in folder.glob("*.png"))
     print(f"{total / 1024 / 1024:.1f} MiB in all")
+
+
+def wanted(name: str, only: Collection[str]) -> bool:
+    """Whether a view is to be taken."""
+    return not only or name in only
 
 
 def taken(browser: Browser, one: Shop, folder: Path, through: Callable[[Screen, Shop], Iterator[str]]) -> None:
@@ -149,7 +157,7 @@ def tool_change(person: Screen, _: Shop) -> Iterator[str]:
     yield "tool-change"
 
 
-def views(person: Screen, one: Shop) -> Iterator[str]:
+def views(person: Screen, one: Shop, only: Collection[str] = ()) -> Iterator[str]:
     """Goes from view to view; each is named when it is there."""
     places = {
         "machine": "mill/machine",
@@ -165,10 +173,15 @@ def views(person: Screen, one: Shop) -> Iterator[str]:
         "program": f"mill/programs/{one.program}",
     }
     for name, place in places.items():
+        if not wanted(name, only):
+            continue
         person.go(place)
         if name == "settings":
             expect(person.page.locator("#setting-110")).to_be_visible()
         yield name
+    if not wanted("path", only):
+        return
+    person.go(places["program"])
     person.press("preview-toggle")
     expect(person.named("path-view")).to_have_attribute("data-complete", "true")
     person.page.evaluate("document.querySelector('[data-name=preview]').scrollIntoView()")
@@ -200,4 +213,4 @@ def png(found: dict[str, Any]) -> bytes:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main(sys.argv[1:])

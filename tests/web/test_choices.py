@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.harness.browser import Screen, serious
-from tests.harness.stage import Stage, job, stage
+from tests.harness.stage import BEGAN_AT, EVERYTHING, Stage, job, stage
 
 pytestmark = pytest.mark.real
 
@@ -85,6 +85,33 @@ def test_each_line_of_the_source_has_a_word_while_its_job_is_at_work(play: Stage
     words = one.page.locator("[data-name=now-lines] small")
     expect(words).to_have_text(["done", *["sent"] * 3, *["not reported yet"] * 4])
     play.say("job", job(4, status="cancelled", ended_at="2026-03-01T10:30:00Z"))
+
+
+def test_the_call_for_a_tool_says_what_the_tool_table_has_of_it(play: Stage, screens: Callable[..., Screen]) -> None:
+    play.machine = {**play.machine, "capabilities": [*EVERYTHING, "tools"]}
+    one = screens(play.url)
+    table = {"tools": [{"number": 3, "diameter": 6.0, "comment": "end mill"}, {"number": 4, "comment": "drill"}]}
+    one.page.route("**/mill/tools", lambda route: route.fulfill(json=table))
+    one.go("mill/machine")
+    play.say("job", job(5, status="waiting", tool=3))
+    expect(one.named("tool-facts")).to_have_text("⌀ 6 mm · end mill")
+    play.say("job", job(5, status="cancelled", ended_at="2026-03-01T10:30:00Z"))
+
+
+def test_whether_a_program_fits_the_reach_follows_the_zero(play: Stage, screens: Callable[..., Screen]) -> None:
+    play.machine = {**play.machine, "travel": {"x": [-100.0, 0.0], "y": [-100.0, 0.0]}}
+    one = screens(play.url)
+    program = {"id": "part", "name": "part.nc", "lines": 3, "bytes": 30, "created_at": BEGAN_AT.isoformat()}
+    report = {"errors": [], "warnings": [], "infos": [], "bounds": {"x": [0.0, 50.0], "y": [-5.0, 5.0]}, "seconds": 9}
+    more = {"cut_mm": 50, "rapid_mm": 5, "tools": [], "feeds": [900]}
+    one.page.route("**/programs/part", lambda route: route.fulfill(json=program))
+    one.page.route("**/programs/part/check?*", lambda route: route.fulfill(json={**report, **more}))
+    one.page.route("**/programs/part/source?*", lambda route: route.fulfill(json={"lines": []}))
+    one.go("mill/programs/part")
+    expect(one.named("beyond")).to_contain_text("X, Y")
+    play.show(position={"machine": {"x": -60.0, "y": -50.0, "z": 0.0}, "work": {"x": 0.0, "y": 0.0, "z": 0.0}})
+    expect(one.named("within")).to_be_visible()
+    expect(one.named("beyond")).to_have_count(0)
 
 
 def test_the_menu_closes_by_escape_and_by_a_touch_elsewhere(one: Screen) -> None:

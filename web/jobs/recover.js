@@ -95,5 +95,5 @@ function Choice({ job, plan, wish, change, reason }) {
 /** @param {Record<string, number> | undefined} position */
 function axes(position) {
   const known = Object.entries(position ?? {});
-  return known.length ? known.map(([axis, value]) => `${axis.toUpperCase()} ${coordinate(value)}`).join("  ") : "–";
+  return known.length ? known.map(([axis, value]) => `${axis.toUpperCase()}\u00a0${coordinate(value)}`).join("  ") : "–";
 }
