@@ -218,6 +218,8 @@ class Recovery:
             raise ProblemError("unknown_program", f"The program of job {row['id']} cannot be read: {error}") from error
 
     def _check_machine(self, controller: Controller, row: Row) -> None:
+        if controller.stream.active_job is None:
+            raise ProblemError("wrong_state", f"Job {row['id']} has ended meanwhile: there is nothing to go on with.")
         if controller.stream.active_job != row["id"]:
             raise ProblemError("job_active", f"{controller.name} is used by job {controller.stream.active_job}.")
         if Policy.of(row).check:

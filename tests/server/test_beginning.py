@@ -196,6 +196,22 @@ def test_a_job_that_is_taken_up_again_can_be_paused_while_it_is_read(tmp_path: P
     run_simulated(main())
 
 
+def test_a_job_that_is_cancelled_while_it_is_taken_up_has_ended_and_the_request_says_so(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = GrblBench(tmp_path, latency_s=0.01, options=CLEARANCE)
+        shop = await bench.connected()
+        job, request = await taken_up(bench, shop.machines[MACHINE])
+        before = bench.executed()
+        shop.machines[MACHINE].stop()
+        with pytest.raises(ProblemError, match=f"Job {job} has ended meanwhile"):
+            await request
+        await bench.status(job, "cancelled")
+        assert bench.executed() == before
+        await shop.stop()
+
+    run_simulated(main())
+
+
 async def taken_up(bench: GrblBench, controller: Controller) -> tuple[int, asyncio.Task[dict[str, Any]]]:
     """A job that was interrupted and whose program is read again: its id, and the request, which has no answer yet."""
     assert bench.shop is not None
