@@ -3,7 +3,8 @@
 
 PYTHON ?= python3
 ARGS ?=
-JOBS ?= auto
+# One more than there are cores: tests with real processes, ports and browsers wait for much of their time.
+JOBS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 1) + 1)
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -27,14 +28,34 @@ run: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	@$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
 
-check: $(VENV)/.installed-dev
-	$(BIN)/ruff format --check .
-	$(BIN)/ruff check .
+# Apart from each other, so that `make --jobs 2 check` does them side by side; the longest first.
+CHECKS := check-types check-clients check-js check-docs check-imports check-lint check-format
+.PHONY: $(CHECKS)
+
+check: $(CHECKS)
+
+$(CHECKS): $(VENV)/.installed-dev
+
+check-types:
 	$(BIN)/mypy
-	$(BIN)/lint-imports
-	.ci/check-js
+
+check-clients:
 	.ci/check-clients $(VENV)
+
+check-js:
+	.ci/check-js
+
+check-docs:
 	$(BIN)/python -m pytest tests/docs
+
+check-imports:
+	$(BIN)/lint-imports
+
+check-lint:
+	$(BIN)/ruff check .
+
+check-format:
+	$(BIN)/ruff format --check .
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff format .
