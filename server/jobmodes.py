@@ -54,7 +54,7 @@ async def enter(controller: Controller, row: Row, db: Db, clock: Clock) -> None:
         return
     # Durable before `$C` goes out: a daemon after this one must know whose check mode it is, and cannot ask for the
     # start-up blocks any more (grbl II.6).
-    data = {"dangers": await _startup_dangers(controller)}
+    data = await _startup(controller)
     write = partial(history.append, at=stamp(clock), kind=ENTERED, data=data, machine=controller.name, job=row["id"])
     await db.run(write)
     controller.checking_for = row["id"]
@@ -63,12 +63,29 @@ async def enter(controller: Controller, row: Row, db: Db, clock: Clock) -> None:
         raise ProblemError("command_failed", f"{controller.name} cannot check: {answer.end.message}.")
 
 
-async def _startup_dangers(controller: Controller) -> list[str]:
-    """What its start-up blocks do behind the reset at the end of the check, beside setting modes."""
+async def _startup(controller: Controller) -> dict[str, list[str]]:
+    """Its start-up blocks, and what they do behind the reset at the end of the check, beside setting modes."""
     answer = await controller.ask(ReadStartupBlocks)
     if isinstance(answer.end, CommandFailed):
-        return [f"what they do is not known ({answer.end.message})"]
-    return [danger for block in answer.only(StartupBlocksRead).blocks for danger in dangers(block)]
+        return {"blocks": [], "dangers": [f"what they do is not known ({answer.end.message})"]}
+    blocks = [block for block in answer.only(StartupBlocksRead).blocks if block]
+    return {"blocks": blocks, "dangers": [danger for block in blocks for danger in dangers(block)]}
+
+
+async def warnings(db: Db, row: Row) -> list[dict[str, str]]:
+    """What somebody who has queued a check should know: what runs behind it. Empty where nothing does."""
+    if not Policy.of(row).check:
+        return []
+    entered = await db.run(history.newest, row["id"], ENTERED)
+    if entered is None:
+        text = "Whether it has start-up blocks is asked when the check begins; those run when it has ended."
+    elif entered["blocks"] or entered["dangers"]:
+        told = ", ".join(entered["blocks"]) or "not known"
+        does = f" Beside setting modes: {'; '.join(entered['dangers'])}." if entered["dangers"] else ""
+        text = f"The controller resets itself behind the check, and then runs its start-up blocks: {told}.{does}"
+    else:
+        return []
+    return [{"code": "startup_blocks", "message": text}]
 
 
 async def leave(controller: Controller) -> None:

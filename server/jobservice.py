@@ -209,7 +209,7 @@ class JobService:
             controller.stream.note("check_writes", job=row["id"], lines=checked.stored)
         self._hub.publish("job", machine, self._view(row))
         await self._background.finish(self.start_next(machine, halts))
-        return await self.get(row["id"])
+        return {**await self.get(row["id"]), "warnings": await jobmodes.warnings(self.db, row)}
 
     async def rerun(self, job_id: int) -> dict[str, Any]:
         """The same once more, as a new job. Raises ProblemError."""

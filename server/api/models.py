@@ -246,6 +246,17 @@ class HoldView(BaseModel):
     message: str
 
 
+class JobWarning(BaseModel):
+    """What somebody should know who has queued a job. `startup_blocks`: what the controller runs behind its check."""
+
+    model_config = example(
+        code="startup_blocks",
+        message="The controller resets itself behind the check, and then runs its start-up blocks: G54.",
+    )
+    code: str
+    message: str
+
+
 JobStatus = Literal[
     "queued", "checking", "running", "paused", "waiting", "completed", "failed", "cancelled", "interrupted"
 ]
@@ -275,7 +286,7 @@ JOB_EXAMPLE: dict[str, Any] = {
 
 class JobView(BaseModel):
     """A job. `source_program` is the one that was uploaded where `program` is what became of its O-words, parameters
-    and macros; else null. Lines are those of `program`."""
+    and macros; else null. Lines are those of `program`. Only the answer to the request that made it has `warnings`."""
 
     model_config = example(**JOB_EXAMPLE)
     id: int
@@ -286,6 +297,7 @@ class JobView(BaseModel):
     progress: ProgressView
     error: JobErrorView | None
     hold_reason: HoldView | None
+    warnings: list[JobWarning] = []
 
 
 class MoveRequest(BaseModel):

@@ -22,6 +22,7 @@ from server.cli.common import (
     say,
     say_json,
     terminal,
+    warn,
 )
 from server.cli.daemon import Daemon
 from server.cli.progress import describe, follow
@@ -64,6 +65,8 @@ def submit(
             {key: value for key, value in body.items() if value is not None},
             waiting="The daemon still checks the program; waiting.",
         )
+        for one in job.get("warnings", ()):
+            warn(safe(one["message"]))
         if not watch:
             _tell(job, file, as_json)
             return

@@ -50,6 +50,27 @@ def test_a_job_that_is_run_writes_without_a_question(tmp_path: Path) -> None:
     simulated(tmp_path, story)
 
 
+@pytest.mark.parametrize(
+    ("block", "told"), [("G54", "start-up blocks: G54."), ("G0X30", "G0 moves the machine"), ("", None)]
+)
+def test_who_queues_a_check_is_told_what_runs_behind_it(tmp_path: Path, block: str, told: str | None) -> None:
+    async def main() -> None:
+        bench = GrblBench(tmp_path)
+        bench.machine.core.memory.startup[0] = block
+        shop = await bench.connected()
+        job = await bench.job(CHECKED, mode="check")
+        behind = await bench.job(CHECKED, mode="check")
+        run = await bench.job(CHECKED)
+        assert [one["code"] for one in job["warnings"]] == ([] if told is None else ["startup_blocks"])
+        assert told is None or told in job["warnings"][0]["message"]
+        assert "when the check begins" in behind["warnings"][0]["message"]
+        assert run["warnings"] == []
+        assert "warnings" not in await shop.jobs.get(job["id"])
+        await shop.stop()
+
+    run_simulated(main())
+
+
 CHECKED = "G21 G90\nG1 X7 F500\nM30\n"
 
 

@@ -87,6 +87,12 @@ def test_a_daemon_that_is_gone_is_not_asked_again(millstream: Run, part: Path) -
     assert outcome.daemon.made().count("POST /jobs") == 1
 
 
+def test_what_the_daemon_warns_of_is_said(millstream: Run, part: Path) -> None:
+    warned = job(status="queued", warnings=[{"code": "startup_blocks", "message": "It runs\x1b G54."}])
+    outcome = millstream("submit", part, answers={**ANSWERS, "POST /jobs": warned})
+    assert outcome.err == "It runs\\x1b G54.\n"
+
+
 def test_watch_follows_to_the_end(millstream: Run, part: Path) -> None:
     course = Turns(job(0), job(5), job(10, status="completed"))
     outcome = millstream("submit", part, "--watch", answers={**ANSWERS, "GET /jobs/17": course})
