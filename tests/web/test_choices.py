@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.harness.browser import Screen, serious
-from tests.harness.stage import BEGAN_AT, EVERYTHING, Stage, job, stage
+from tests.harness.stage import BEGAN_AT, EVERYTHING, Json, Stage, job, stage
 
 pytestmark = pytest.mark.real
 
@@ -65,7 +65,8 @@ def test_between_two_jobs_the_band_says_how_the_last_one_ended_and_which_one_sta
     expect(one.page).to_have_title(re.compile(r"^Running 25 % · mill$"))
     error = {"code": "alarm", "message": "The limit switch of X was hit.", "line_from": 9001, "line_to": 9003}
     play.say("job", job(9000, status="failed", error=error, ended_at="2026-03-01T10:30:00Z"))
-    waiting = [{"id": number, "program_name": "flange.nc", "hold": True} for number in (18, 19)]
+    waiting: list[Json] = [{"id": number, "program_name": "flange.nc", "hold": True} for number in (18, 19)]
+    waiting[1]["hold_reason"] = {"code": "not_connected", "message": "mill is connecting."}
     for number, note in ((18, "left vice"), (19, "right vice")):
         play.say("job", job(0, id=number, status="queued", hold=True, note=note, started_at=None))
     play.say("queue", {"jobs": waiting})
@@ -73,7 +74,7 @@ def test_between_two_jobs_the_band_says_how_the_last_one_ended_and_which_one_sta
     for text in ("part.nc", "failed", error["message"], "Start lets go: flange.nc"):
         expect(between).to_contain_text(str(text))
     notes = one.page.locator("[data-name=queue] .note")
-    expect(notes).to_have_text(["Job 18 · left vice", "Job 19 · right vice"])
+    expect(notes).to_have_text(["Job 18 · left vice", "Job 19 · right vice · mill is connecting."])
     expect(one.page.locator(".notice.error")).to_contain_text("mill: part.nc: failed")
     expect(one.page).to_have_title("Idle · mill")
     assert serious(one.page) == []
