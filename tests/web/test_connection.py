@@ -1,9 +1,12 @@
-"""A daemon that dies, hangs, or wants to know who is there: what people see of it, in a real browser."""
+"""A daemon that dies, hangs, or wants to know who is there: what people see of it, in a real browser.
+
+Not how soon a silence is noticed: test_socket.mjs holds that against a clock of its own, which no other work of the
+computer delays.
+"""
 
 import os
 import re
 import signal
-import time
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -14,7 +17,6 @@ from tests.harness.process import Daemon, daemon
 
 pytestmark = pytest.mark.real
 
-NOTICED_WITHIN_MS = 2000
 REFUSED = r"net::ERR_|WebSocket connection to .* failed"
 
 
@@ -41,18 +43,14 @@ def alive(one: Screen) -> None:
     expect(one.page.locator(".shell")).not_to_have_class(re.compile("stale"))
 
 
-def test_a_daemon_that_hangs_is_noticed_within_two_seconds_and_comes_back(
-    own: Daemon, screens: Callable[..., Screen]
-) -> None:
+def test_a_daemon_that_hangs_is_noticed_and_comes_back(own: Daemon, screens: Callable[..., Screen]) -> None:
     one = screens(own.url)
     one.allowed.append(REFUSED)
     one.go()
     alive(one)
     os.kill(own.pid, signal.SIGSTOP)  # nothing is closed: only silence tells
     try:
-        stopped_at = time.monotonic()
-        expect(one.named("lost")).to_be_visible(timeout=NOTICED_WITHIN_MS)
-        assert time.monotonic() - stopped_at < NOTICED_WITHIN_MS / 1000
+        expect(one.named("lost")).to_be_visible()
         expect(one.page.locator(".shell")).to_have_class(re.compile("stale"))
         for button in ("start", "home", "unlock"):
             expect(one.named(button)).to_have_attribute("aria-disabled", "true")
@@ -69,7 +67,7 @@ def test_a_daemon_that_died_and_was_started_again_is_found_again(own: Daemon, sc
     one.go()
     port = own.url.rpartition(":")[2]
     own.kill9()
-    expect(one.named("lost")).to_be_visible(timeout=NOTICED_WITHIN_MS)
+    expect(one.named("lost")).to_be_visible()
     one.page.locator("#estop").click()
     expect(one.page.locator("#estop-result")).to_have_class("failed")
     expect(one.page.locator("#estop-result")).to_contain_text("NOT STOPPED")

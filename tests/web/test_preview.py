@@ -16,9 +16,10 @@ PART = (
     + "".join(f"G1 Z{-depth} F600\n{RING}" for depth in (1, 2, 3))
     + "G0 Z5\nT2 M6\nG0 X0\nG1 Z-4\nG1 Y15\nG0 Z5\nM30\n"
 )
-WAY = "G21 G90\nG0 Z5\n" + "".join(f"G1 X{i % 20} Y{i % 7} F900\n" for i in range(1, 200)) + "M30\n"
+WAY = "G21 G90\nG0 Z5\n" + "".join(f"G1 X{i % 20} Y{i % 7} F900\n" for i in range(1, 1500)) + "M30\n"
 DRIVER = r"GL Driver Message|GPU stall"
 """What Chromium says of itself where there is no graphics card."""
+STILL_MS = 300
 SIZE = "[...document.querySelectorAll('.path-canvas canvas')].map((one) => [one.clientWidth, one.clientHeight])"
 
 
@@ -42,6 +43,19 @@ def draws(one: Screen, act: Callable[[], object]) -> None:
 
 def drawn(one: Screen) -> int:
     return int(one.named("path-view").get_attribute("data-drawn") or 0)
+
+
+def at_rest(one: Screen) -> int:
+    """Wait until it draws no more; how often it has drawn. One that never rests ends in an AssertionError."""
+    seen = [-1]
+
+    def still() -> bool:
+        one.page.wait_for_timeout(STILL_MS)
+        seen.append(drawn(one))
+        return seen[-1] == seen[-2]
+
+    until(still, why=lambda: f"it draws although nothing changes: {seen}")
+    return seen[-1]
 
 
 def test_it_is_loaded_when_it_is_opened_and_remembered(mill: Daemon, screens: Callable[..., Screen]) -> None:
@@ -74,7 +88,7 @@ def test_views_filters_and_the_hand_draw_anew_and_then_it_rests(mill: Daemon, sc
         one.page.mouse.move(x + 80, y + 40, steps=4)
         one.page.mouse.up()
 
-    one.page.wait_for_timeout(500)
+    at_rest(one)
     before = view.screenshot()
     for act in (
         lambda: one.press("view-top"),
@@ -86,11 +100,8 @@ def test_views_filters_and_the_hand_draw_anew_and_then_it_rests(mill: Daemon, sc
         lambda: one.page.mouse.wheel(0, -300),
     ):
         draws(one, act)
-    one.page.wait_for_timeout(400)
-    count = drawn(one)
+    at_rest(one)
     assert view.screenshot() != before, "nothing of it is seen"
-    one.page.wait_for_timeout(400)
-    assert drawn(one) == count, "it draws although nothing changes"
 
 
 def test_on_a_phone_the_layers_are_those_of_the_cuts_and_the_tools_those_of_the_program(
@@ -115,7 +126,7 @@ def test_on_a_phone_the_layers_are_those_of_the_cuts_and_the_tools_those_of_the_
 def two_fingers_bring_it_closer(one: Screen) -> None:
     view = one.named("path-view")
     view.scroll_into_view_if_needed()
-    one.page.wait_for_timeout(400)
+    at_rest(one)
     before, box = view.screenshot(), view.bounding_box()
     assert box
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -132,7 +143,7 @@ def two_fingers_bring_it_closer(one: Screen) -> None:
         fingers("touchEnd", 0)
 
     draws(one, pinched)
-    one.page.wait_for_timeout(400)
+    at_rest(one)
     assert view.screenshot() != before
     assert one.page.evaluate("visualViewport.scale") == 1, "the drawing is zoomed, not the page"
 
@@ -171,7 +182,8 @@ def test_a_program_that_cannot_be_drawn_says_why(mill: Daemon, screens: Callable
 
 
 def test_a_long_program_does_not_hold_up_the_page(mill: Daemon, screens: Callable[..., Screen]) -> None:
-    """Its worker has a hundred thousand segments to read while the page looks at its clock."""
+    """Its worker has a hundred thousand segments to read while the page looks at its clock. The page's own part of
+    it is less than half, and on a quick computer less than a second."""
     rows = "".join(f"X{i % 317 * 0.3:.3f} Y{i // 317 * 0.3:.3f} Z{(i * 7 % 50) * 0.02:.3f}\n" for i in range(100_000))
     program = stored(mill, f"G21 G90 G1 F2000\n{rows}M30\n")
     mill.http.get(f"/api/v1/programs/{program}/toolpath?machine=mill", timeout=60)
@@ -184,8 +196,10 @@ def test_a_long_program_does_not_hold_up_the_page(mill: Daemon, screens: Callabl
     one.go(f"mill/programs/{program}")
     expect(one.named("preview-toggle")).to_be_visible()
     one.page.wait_for_timeout(300)
-    one.page.evaluate("window.slowest = 0")
+    began_ms = one.page.evaluate("window.slowest = 0, performance.now()")
     one.press("preview-toggle")
     expect(one.named("path-view")).to_have_attribute("data-complete", "true")
-    assert one.page.evaluate("window.slowest") < 1000
+    took_ms = one.page.evaluate("performance.now()") - began_ms
+    assert one.page.workers, "it is read in the page itself"
+    assert one.page.evaluate("window.slowest") < max(1000, took_ms / 2)
     expect(one.named("preview")).to_contain_text("100,000")
