@@ -26,7 +26,7 @@ MACHINE = "mill"
 HOST = "127.0.0.1"
 OURS = ("W90", "W95", "W98")
 """Blocks that the engine sends of its own accord."""
-START_WITHIN_S = 30.0
+START_WITHIN_S = 120.0
 CHUNK_LINES = 2000
 KB_PER_MB = 1024
 
