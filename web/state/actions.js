@@ -80,6 +80,7 @@ export async function queueJob(program, options) {
     try {
       const answer = await post("/jobs", body, { headers, withinMs: CHECKED_MS });
       learnJob(answer);
+      for (const { message } of answer.warnings ?? []) notify(message);
       return answer;
     } catch (error) {
       // The check of a very large program goes on at the daemon, and who asks again joins it.
