@@ -4,6 +4,7 @@ Not the waiting and the answers (manual.py). The one rule: between two blocks ev
 stop, or once somebody else has the control of the machine, the rest of a request is not sent.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from server.controller import Controller
 
 Result = dict[str, Any]
+
+_COMMENT = re.compile(r"\([^)]*\)|;.*")
 
 
 async def run(controller: "Controller", blocks: Sequence[str]) -> list[Result]:
@@ -53,6 +56,9 @@ def _check(controller: "Controller", block: str) -> None:
     verbs = controller.verbs
     if not block.strip() or not block.isprintable() or verbs.forbidden & set(block):
         raise ProblemError("invalid_request", f"{block!r} is not one block of G-code.")
+    # Digits of other scripts look like digits to people, and to some readers; a controller has never heard of them.
+    if not _COMMENT.sub("", block).isascii():
+        raise ProblemError("invalid_request", f"{ascii(block)} has characters outside a comment that are no G-code.")
     if verbs.system is not None and block.lstrip().startswith(verbs.system):
         advice = "the settings, the offsets, homing and the rest have addresses of their own."
         raise ProblemError("invalid_request", f"{block!r} is a system command and no G-code: {advice}")

@@ -43,7 +43,7 @@ VALUE_LETTERS: Final = AXIS_LETTERS | frozenset("DFHIJKLPQRST")
 MAX_NUMBER: Final = 1e9
 """Beyond this no sum of coordinates is exact to a micrometre; it also keeps infinity out."""
 
-_WORD = re.compile(r"\s*([A-Za-z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
+_WORD = re.compile(r"\s*([A-Za-z])\s*([+-]?(?:\d+\.?\d*|\.\d+))", re.ASCII)
 _NUMBER = r"([+-]?[0-9]{1,8}(?:\.[0-9]{0,9})?)"
 _plain = re.compile(rf"(G[01])?(?:X{_NUMBER})?(?:Y{_NUMBER})?(?:Z{_NUMBER})?(?:F{_NUMBER})?").fullmatch
 """What nearly every block is. Read in one go: a virtual machine is measured by how little it takes."""

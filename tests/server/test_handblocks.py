@@ -144,3 +144,17 @@ def test_between_two_blocks_no_job_begins(tmp_path: Path) -> None:
         assert refused == ["machine_busy"]
 
     told(Bench(tmp_path), story)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_digits_of_other_scripts_are_no_g_code_but_may_stand_in_a_comment(kind: type[Bench], tmp_path: Path) -> None:
+    async def story(bench: Bench, controller: Controller) -> None:
+        before = len(bench.machine.executed)
+        with pytest.raises(ProblemError, match=r"\\u0661.* no G-code") as caught:
+            await controller.run_blocks(["G1 X5 F100", "G1 X\u0661"])
+        assert caught.value.code == "invalid_request"
+        assert len(bench.machine.executed) == before
+        asked = await controller.run_blocks(["G1 X1 F100 (шаг \u0661)"])
+        assert len(asked) == 1, "what a comment is, the controller decides"
+
+    told(kind(tmp_path), story)

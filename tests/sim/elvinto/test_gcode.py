@@ -66,6 +66,7 @@ def test_codes_that_do_not_exist_here(code: str) -> None:
         "X1?Y2",
         "?X1",
         "E1",
+        "X\u0661",
     ],
 )
 def test_blocks_that_are_none(text: str) -> None:
