@@ -3,9 +3,13 @@
 import importlib.util
 import json
 import re
+import shutil
+import subprocess
 import tomllib
 from fnmatch import fnmatch
 from typing import Any
+
+import pytest
 
 from server.config import Config
 from server.configfile import load
@@ -116,3 +120,11 @@ def test_no_tabs_and_even_indentation() -> None:
 def test_the_commands_that_compose_tells_of_are_documented() -> None:
     assert "token create" in page("cli.md")
     assert "docker compose run --rm millstream token create" in page("operations.md")
+
+
+@pytest.mark.skipif(shutil.which("hadolint") is None, reason="no hadolint here")
+def test_hadolint_finds_no_fault_in_the_dockerfile() -> None:
+    said = subprocess.run(
+        ["hadolint", str(ROOT / "Dockerfile")], capture_output=True, text=True, timeout=30, check=False
+    )
+    assert (said.returncode, said.stdout) == (0, "")

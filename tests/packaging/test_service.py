@@ -1,5 +1,6 @@
 """The systemd unit and what goes with it: systemd finds no fault in it, and it runs what there is."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from server.api.clientaddress import FORWARDED_FOR, FORWARDED_PROTO
 from server.cli import build
 from server.configfile import load
 from server.notify import PINGS_PER_TIMEOUT
@@ -87,3 +89,31 @@ def test_proxies_lead_to_the_daemon(name: str) -> None:
     text = (PACKAGING / name).read_text(encoding="utf-8")
     assert f"127.0.0.1:{load(None, {}).server.port}" in text
     assert text.count("{") == text.count("}")
+
+
+def test_nginx_says_what_the_daemon_believes_of_a_trusted_proxy() -> None:
+    text = (PACKAGING / "nginx.conf").read_text(encoding="utf-8")
+    for header in (FORWARDED_FOR, FORWARDED_PROTO):
+        assert re.search(rf"proxy_set_header {header} \$", text, re.IGNORECASE), header
+    assert "proxy_add_x_forwarded_for" not in text, "what a client writes itself goes no further"
+
+
+def test_the_unit_names_a_page_that_is_installed() -> None:
+    (where,) = settings()["Documentation"]
+    folder = Path(where.removeprefix("file://"))
+    assert f"{folder.parent} docs/*.md" in page("operations.md")
+    assert (ROOT / "docs" / folder.name).exists()
+
+
+def test_nobody_but_the_daemon_reads_its_passwords() -> None:
+    (mode,) = settings()["ConfigurationDirectoryMode"]
+    assert mode == "0750"
+    text = page("operations.md")
+    assert "install -d -m 750 -g millstream /etc/millstream" in text
+    assert "install -m 640 -g millstream config.example.toml" in text
+
+
+def test_folders_that_a_small_debian_lacks_are_made() -> None:
+    for folder in ("/etc/sysusers.d", "/etc/udev/rules.d"):
+        (line,) = [line for line in page("operations.md").splitlines() if folder in line]
+        assert "install -D " in line

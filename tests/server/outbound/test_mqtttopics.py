@@ -148,3 +148,37 @@ def test_buttons_are_there_only_where_commands_are_allowed() -> None:
     for one in allowed.values():
         payload = one["payload_press"].encode()
         assert TOPICS.command(one["command_topic"], payload, ("router",)) == ("router", one["payload_press"])
+
+
+COMMON = frozenset({"availability", "availability_mode", "device", "origin", "name", "unique_id", "icon"})
+KEYS = {
+    "sensor": {
+        "state_topic",
+        "value_template",
+        "unit_of_measurement",
+        "state_class",
+        "device_class",
+        "json_attributes_topic",
+    },
+    "binary_sensor": {"state_topic", "value_template", "device_class", "json_attributes_topic"},
+    "button": {"command_topic", "payload_press"},
+}
+"""Of what the pages of Home Assistant's MQTT integrations allow, what is used; another key would be refused there."""
+NEEDED = {"sensor": {"state_topic"}, "binary_sensor": {"state_topic"}, "button": {"command_topic"}}
+DEVICE = {"identifiers", "name", "manufacturer", "model", "sw_version"}
+
+
+def test_discovery_has_the_keys_that_home_assistant_knows() -> None:
+    posts = list(discovery(TOPICS, "router", "grbl", prefix="homeassistant", version="1", commands=True))
+    assert len(posts) == 8
+    for post in posts:
+        prefix, kind, node, key, last = post.topic.split("/")
+        assert (prefix, last) == ("homeassistant", "config")
+        said = json.loads(post.payload)
+        assert said.keys() <= COMMON | KEYS[kind], post.topic
+        assert said.keys() >= NEEDED[kind] | {"unique_id", "name", "device", "origin"}
+        assert said["device"].keys() <= DEVICE
+        assert "name" in said["origin"]
+        assert {"topic"} == set().union(*said["availability"])
+        assert said["unique_id"] == f"{node}_{key}"
+    assert len({json.loads(post.payload)["unique_id"] for post in posts}) == len(posts)
