@@ -6,7 +6,7 @@ Not the wire (protocol), not the job's logic (jobs/runner.py), not HTTP. The one
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from gcode.profile import load_profile
@@ -187,9 +187,9 @@ class Machine:
         self.control = holder
         self._publish_state()
 
-    def console(self, limit: int) -> list[dict[str, Any]]:
+    def console(self, limit: int) -> Iterator[dict[str, Any]]:
         """The last messages both ways, oldest first."""
-        return self._recorder.console(limit)
+        return self._recorder.each(limit)
 
     # --- the link ---------------------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ Not the history (jobs/history.py) and not a log file. The one rule: it is bounde
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from itertools import islice
 from typing import Any
@@ -48,13 +48,15 @@ class Recorder:
 
     def console(self, limit: int) -> list[dict[str, Any]]:
         """The last messages, oldest first."""
+        return list(self.each(limit))
+
+    def each(self, limit: int) -> Iterator[dict[str, Any]]:
+        """The same one by one, as they were at the first: a thousand take a millisecond."""
         stamp = self._stamps()
-        kept = ((at, direction, text) for at, messages in self._pieces for direction, text in messages)
+        kept = ((at, direction, text) for at, messages in tuple(self._pieces) for direction, text in messages)
         left_out = self._kept - min(max(0, limit), CONSOLE_MESSAGES)
-        return [
-            {"at": stamp(at), "direction": direction, "text": text[:MESSAGE_CHARS]}
-            for at, direction, text in islice(kept, max(0, left_out), None)
-        ]
+        for at, direction, text in islice(kept, max(0, left_out), None):
+            yield {"at": stamp(at), "direction": direction, "text": text[:MESSAGE_CHARS]}
 
     def _stamps(self) -> Callable[[float], str]:
         """From the loop's time to that of people. A thousand messages are of a few seconds: each second is written

@@ -22,7 +22,7 @@ from server.api.machinemodels import (
     RunFileRequest,
     StateView,
 )
-from server.api.routing import Routes, json_response
+from server.api.routing import Routes, json_list, json_response
 from server.api.services import MachineControl, Services
 from server.auth import Role
 from server.problems import ProblemError
@@ -117,7 +117,7 @@ def _views(app: FastAPI, services: Services) -> None:
         m: MachineName,
         limit: Annotated[int, Query(ge=1, le=MAX_CONSOLE_LINES, description="How many lines at most")] = 200,
     ) -> Response:
-        return json_response(find(services, m).console(limit))
+        return await json_list(find(services, m).console(limit))
 
     @routes.add(
         "GET",

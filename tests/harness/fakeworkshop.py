@@ -7,7 +7,7 @@ with a virtual machine, is in `workshop.py`.
 import asyncio
 import copy
 import sqlite3
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -78,9 +78,9 @@ class FakeMachine(Recording):
     def show_control(self, holder: Json | None) -> None:
         self.control = holder
 
-    def console(self, limit: int) -> list[Json]:
+    def console(self, limit: int) -> Iterator[Json]:
         self.note("console", limit)
-        return [example_of(ConsoleLine)]
+        return (example_of(ConsoleLine) for _ in range(limit))
 
     def estop(self) -> None:
         self.note("estop")

@@ -38,6 +38,15 @@ def test_the_times_of_many_are_those_of_each(offset_s: float) -> None:
         assert (one["text"], len(one["at"])) == (entry["text"], len(entry["at"]))
 
 
+def test_one_by_one_they_are_what_there_was_at_the_first() -> None:
+    recorder = Recorder(lambda: NOON, lambda: 0.0)
+    recorder.record([(">", "a"), ("<", "b")], 0.0)
+    before, one_by_one = recorder.console(9), recorder.each(9)
+    said = [next(one_by_one)]
+    recorder.record([(">", str(number)) for number in range(CONSOLE_MESSAGES)], 0.0)
+    assert [*said, *one_by_one] == before
+
+
 def test_it_is_bounded_in_messages_and_in_characters() -> None:
     recorder = Recorder(lambda: NOON, lambda: 0.0)
     for _ in range(CONSOLE_MESSAGES + 10):

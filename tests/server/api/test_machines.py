@@ -1,8 +1,10 @@
+import asyncio
 from typing import Any
 
 import pytest
 
 from server.api.machinemodels import MAX_BLOCK_CHARS, MAX_BLOCKS, ConsoleLine, FilesView, MachineView, StateView
+from server.api.routing import PIECE_VALUES
 from server.limitsconfig import LimitsConfig
 from server.problems import ProblemError
 from tests.harness.fakeworkshop import FakeConfig, FakeWorkshop
@@ -110,6 +112,29 @@ def test_the_sd_card() -> None:
 
 def test_the_tool_is_confirmed() -> None:
     assert ask("POST", f"{ROUTER}/tool/confirm")[2] == [("confirm_tool",)]
+
+
+def test_a_long_console_leaves_the_loop_to_others_in_between() -> None:
+    async def main() -> list[int]:
+        turns = [0]
+
+        async def count() -> None:
+            while True:
+                turns[0] += 1
+                await asyncio.sleep(0)
+
+        async with FakeWorkshop() as workshop, workshop.client() as client:
+            await client.get(f"{ROUTER}/console?limit=1")
+            counting = asyncio.ensure_future(count())
+            taken = []
+            for limit in (1, PIECE_VALUES, PIECE_VALUES + 1, 1000):
+                turns[0] = 0
+                assert len((await client.get(f"{ROUTER}/console?limit={limit}")).json()) == limit
+                taken.append(turns[0])
+            counting.cancel()
+        return [turns - taken[0] for turns in taken]
+
+    assert run(main()) == [0, 0, 1, 1000 / PIECE_VALUES - 1]
 
 
 def test_the_console() -> None:
