@@ -3,6 +3,7 @@
 import inspect
 import re
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import httpx
@@ -57,6 +58,7 @@ def methods_of(route: BaseRoute) -> set[str]:
     return {"WEBSOCKET"} if methods is None else methods
 
 
+@cache
 def all_routes() -> list[tuple[str, str, Role | None]]:
     async def main() -> list[tuple[str, str, Role | None]]:
         async with FakeWorkshop() as workshop:
