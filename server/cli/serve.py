@@ -111,12 +111,20 @@ def bind(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         listener = socket.create_server((host.strip("[]"), port), family=family, backlog=BACKLOG)
+    except socket.gaierror as error:
+        raise CliError(
+            ExitCode.FAILED,
+            f"{host}: this name is not known ({error.strerror}). Set server.host to an address of this computer.",
+        ) from error
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else str(error)
         raise CliError(
             ExitCode.FAILED, f"{host}:{port}: {reason}. Is another program there? Set server.host and server.port."
         ) from error
-    if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux; every connection that is accepted inherits it
+    # Every connection that is accepted inherits these. asyncio itself does this only for sockets that say they are TCP,
+    # which those of create_server do not: the second half of each answer would wait 40 ms for the client's word.
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNREAD_S * 1000)
     return listener
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from server.cli.common import CliError
 from server.cli.serve import TURN_S, address, bind, favour_the_stream
 from server.cli.settings import sole_daemon
 from server.config import Config, ServerConfig
@@ -88,10 +89,25 @@ def test_a_data_directory_has_one_daemon(millstream: Run, tmp_path: Path) -> Non
     assert "another millstream daemon works here" in outcome.err
 
 
+def test_a_host_that_nobody_knows_is_told_as_such() -> None:
+    with pytest.raises(CliError, match=r"no-such-host\.invalid: this name is not known .* server\.host"):
+        bind("no-such-host.invalid", 0)
+
+
 def test_the_address_is_one_to_click_on(listener: socket.socket) -> None:
     assert address(listener) == f"http://127.0.0.1:{listener.getsockname()[1]}"
     with bind("0.0.0.0", 0) as everywhere:
         assert address(everywhere) == f"http://{socket.gethostname()}:{everywhere.getsockname()[1]}"
+
+
+@pytest.mark.real
+def test_no_answer_waits_for_the_client_to_have_taken_its_first_half() -> None:
+    """Nagle's algorithm and a delayed acknowledgement together are 40 ms for each request of a kept connection."""
+
+    with bind("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
+        served, _ = listener.accept()
+        with served:
+            assert served.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
 @pytest.mark.real
