@@ -7,7 +7,6 @@ priority of the system, for it stands for other computers, and a stand-in for th
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
-from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
 from random import Random
 from statistics import quantiles
@@ -15,7 +14,7 @@ from statistics import quantiles
 from bench import grbl
 from bench.grblpeer import HOST
 from bench.loadclients import Crowd, Load
-from bench.loadrig import SEED, Phase, Workshop, standing_in, workshop
+from bench.loadrig import SEED, Phase, Workshop, workshop
 from bench.phases import Ratio, in_turns, median_ratio, ratio
 from bench.report import Figure, Report
 
@@ -42,7 +41,8 @@ Group = tuple[str, Iterator[Figure]]
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How long and how many. `pressed` and `pressed_quiet` are presses in each phase of pauses."""
+    """How long and how many. `pressed` and `pressed_quiet` are presses in a phase of pauses with the daemon's crowd,
+    and in one without."""
 
     readers: int = READERS
     upload_bytes: int = UPLOAD_BYTES
@@ -58,7 +58,7 @@ class Plan:
         of = {
             "dashboards": self.dashboard_rounds * 2 * (self.phase_s + 1.2),
             "workshop": self.rounds * 3 * (self.phase_s + 1.7),
-            "pause": self.pause_rounds * (4.0 + 0.36 * (self.pressed + self.pressed_quiet)),
+            "pause": self.pause_rounds * (5.0 + 0.36 * (self.pressed + 2 * self.pressed_quiet)),
         }
         return 10.0 + sum(of[part] for part in parts)
 
@@ -82,19 +82,13 @@ class Crowded:
 
     async def turns(self, name: str, conditions: Sequence[str], rounds: int, phase_s: float) -> None:
         """All of it; afterwards nobody is there."""
-        async with AsyncExitStack() as stack:
-            order = list(in_turns(conditions, rounds))
-            for number, condition in enumerate(order, 1):
-                if condition == STAND_IN and STAND_IN not in self._crowds:
-                    # It is told to say as much as the daemon has said so far.
-                    await self.change(QUIET)
-                    port = await stack.enter_async_context(standing_in(*self._manner()))
-                    self._crowds[STAND_IN] = replace(self._crowds[CROWD], host=HOST, port=port)
-                await self.change(condition)
-                phase = await self._shop.measured(phase_s)
-                self.phases[condition].append(phase)
-                self._say(f"  {name} {number}/{len(order)}: {_line(condition, phase)}")
-            await self.change(QUIET)
+        order = list(in_turns(conditions, rounds))
+        for number, condition in enumerate(order, 1):
+            await self.change(condition)
+            phase = await self._shop.measured(phase_s)
+            self.phases[condition].append(phase)
+            self._say(f"  {name} {number}/{len(order)}: {_line(condition, phase)}")
+        await self.change(QUIET)
 
     async def change(self, condition: str) -> None:
         """Who is there from now on."""
@@ -103,6 +97,10 @@ class Crowded:
         if self._there != QUIET:
             self.loads[self._there] += await self._shop.crowds.go()
             self.peak_mb = max(self.peak_mb, self._shop.daemon.resident_mb(peak=True))
+        if condition == STAND_IN and STAND_IN not in self._crowds:
+            # It is told to say as much as the daemon has said so far.
+            port = await self._shop.stand_in(*self._manner())
+            self._crowds[STAND_IN] = replace(self._crowds[CROWD], host=HOST, port=port)
         if condition != QUIET:
             await self._shop.crowds.come(self._crowds[condition])
         self._there = condition
@@ -195,6 +193,12 @@ def came(found: Crowded, crowd: Crowd) -> Iterator[Figure]:
         goal = GOAL_UPLOAD_GB * crowd.upload_bytes / UPLOAD_BYTES
         yield Figure("uploaded meanwhile", load.uploaded_bytes / 1e9, "GB", goal=goal, sense="least")
         yield Figure("  a second", load.uploaded_bytes / seconds / 1e6, "MB", digits=1)
+    if (stand_in := found.loads[STAND_IN]).seconds:
+        yield Figure("the stand-in: requests a second", stand_in.requests / stand_in.seconds, digits=1)
+        uploaded_mb_s = stand_in.uploaded_bytes / stand_in.seconds / 1e6
+        yield Figure("the stand-in: uploaded a second", uploaded_mb_s, "MB", digits=1)
+        messages_s = stand_in.messages / stand_in.seconds / max(crowd.readers, 1)
+        yield Figure("the stand-in: messages a second to each reader", messages_s, digits=1)
     for condition in (QUIET, CROWD):
         phases = found.phases[condition]
         if seconds := sum(one.seconds for one in phases):
@@ -249,11 +253,11 @@ async def everything(shop: Workshop, plan: Plan, say: Say) -> list[Group]:
 
 
 async def pauses(shop: Workshop, plan: Plan, say: Say) -> list[Group]:
-    """`POST /pause` on the Grbl, beside nobody and beside everybody."""
+    """`POST /pause` on the Grbl, beside nobody, beside everybody, and while everybody is with the stand-in."""
     crowd, random = everybody(plan), Random(SEED)
     found = Crowded(shop, crowd, say)
-    lates_s: dict[str, list[float]] = {QUIET: [], CROWD: []}
-    order = list(in_turns((QUIET, CROWD), plan.pause_rounds))
+    lates_s: dict[str, list[float]] = {QUIET: [], CROWD: [], STAND_IN: []}
+    order = list(in_turns(tuple(lates_s), plan.pause_rounds))
     for number, condition in enumerate(order, 1):
         await found.change(condition)
         await shop.holds_at()
@@ -269,8 +273,11 @@ async def pauses(shop: Workshop, plan: Plan, say: Say) -> list[Group]:
     await found.change(QUIET)
     return [
         *(
-            (f"POST /pause to `!`, {condition}", late(sorted(lates_s[condition]), goal=GOAL_PAUSE_MS))
-            for condition in (QUIET, CROWD)
+            (
+                f"POST /pause to `!`, {condition}",
+                late(sorted(these_s), goal=GOAL_PAUSE_MS if condition == CROWD else None),
+            )
+            for condition, these_s in lates_s.items()
         ),
         ("What the crowd got beside the pauses", came(found, crowd)),
     ]

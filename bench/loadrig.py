@@ -27,9 +27,10 @@ from sim.elvinto.settings import SimSettings
 SEED = 31
 BAUD = 115200
 ELVINTO = "router"
-ACCELERATION = 10_000.0
+ACCELERATION = 100_000.0
+"""mm/s². The virtual mill stops after every block; so a line takes as long as on a controller that looks ahead."""
 RELIEF_FEED_MM_MIN = 4800
-"""A line of the ElVinto's is 5 ms, a batch of 32 with its dead time some 0.2 s."""
+"""A line of the ElVinto's is some 5 ms, a batch of 32 with its dead time some 0.2 s."""
 RELIEF_LINES_S = 200
 """More than it does."""
 STEPS_MM = (0.1,) * 20 + (0.2,) * 10 + (0.4,) * 5
@@ -117,9 +118,10 @@ class _Rows:
 class Workshop:
     """See the head of this file. Made by `workshop`."""
 
-    def __init__(self, daemon: Daemon, mill: Mill, controller: Peer, crowds: "Crowds") -> None:
+    def __init__(self, daemon: Daemon, mill: Mill, controller: Peer, crowds: "Crowds", stack: AsyncExitStack) -> None:
         self.daemon = daemon
         self.crowds = crowds
+        self._stack = stack
         self._mill = mill
         self._controller = controller
         self._rows = _Rows()
@@ -142,6 +144,11 @@ class Workshop:
         await self._look()
         rows_s, dry_s = self._rows.between(begin_s, end_s), self._rows.dry_s(begin_s, end_s)
         return Phase(end_s - begin_s, self._batches(first), rows_s, dry_s, 0.0)
+
+    async def stand_in(self, answer_bytes: int, piece_bytes: int, pieces_s: float) -> int:
+        """The port of a new stand-in for the daemon, which is there to the end."""
+        arguments = (str(answer_bytes), str(piece_bytes), f"{pieces_s:.3f}")
+        return int((await answer(await self._stack.enter_async_context(process("bench.standin", *arguments))))["port"])
 
     async def holds_at(self) -> list[float]:
         """When feed holds came out of the Grbl's wire, since this was last asked."""
@@ -205,14 +212,6 @@ async def _say(one: asyncio.subprocess.Process, line: str) -> None:
 
 
 @asynccontextmanager
-async def standing_in(answer_bytes: int, piece_bytes: int, pieces_s: float) -> AsyncIterator[int]:
-    """A stand-in for the daemon; its port."""
-    arguments = (str(answer_bytes), str(piece_bytes), f"{pieces_s:.3f}")
-    async with process("bench.standin", *arguments) as one:
-        yield int((await answer(one))["port"])
-
-
-@asynccontextmanager
 async def workshop(seconds: float) -> AsyncIterator[Workshop]:
     """Both machines at work, for that many seconds at least."""
     mill = Mill(SimSettings(acceleration=ACCELERATION))
@@ -231,7 +230,7 @@ async def workshop(seconds: float) -> AsyncIterator[Workshop]:
         ]
         await mill.until(blocks=AT_WORK_BLOCKS, within_s=60.0)
         await controller.until(AT_WORK_BLOCKS, within_s=60.0)
-        yield Workshop(daemon, mill, controller, Crowds(*processes))
+        yield Workshop(daemon, mill, controller, Crowds(*processes), stack)
         for job in jobs:
             await daemon.cancel(job)
             await daemon.settled(job, "cancelled")

@@ -84,7 +84,7 @@ def test_everything_at_once_beside_two_jobs(monkeypatch: pytest.MonkeyPatch) -> 
     said: list[str] = []
     plan = Plan(readers=3, upload_bytes=2_000_000, phase_s=0.4, rounds=1, pressed=2, pressed_quiet=2, pause_rounds=1)
     report = load.run(("workshop", "pause"), say=said.append, plan=plan)
-    on_elvinto, on_grbl, got, quiet, crowd, beside = [heading for heading, _ in report.groups]
+    on_elvinto, on_grbl, got, quiet, crowd, stand_in, beside = [heading for heading, _ in report.groups]
     assert report.value(on_elvinto, "dead time / the quiet phases'") > 0
     assert report.value(on_grbl, "time of a row / the quiet phases'") > 0
     assert report.value(got, "refused or cut off") == 0
@@ -92,7 +92,7 @@ def test_everything_at_once_beside_two_jobs(monkeypatch: pytest.MonkeyPatch) -> 
         assert report.value(got, name) > 0
         assert report.value(beside, name) > 0
     assert report.value(got, "memory of the daemon, highest") >= report.value(got, "memory of the daemon before") > 10
-    for presses in (quiet, crowd):
+    for presses in (quiet, crowd, stand_in):
         assert report.value(presses, "presses") == 2
         assert 0 < report.value(presses, "median") <= report.value(presses, "longest")
     lines = [line for line in said if line.startswith("  ") and "/" in line]
