@@ -111,12 +111,11 @@ def bind(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         listener = socket.create_server((host.strip("[]"), port), family=family, backlog=BACKLOG)
-    except socket.gaierror as error:
-        raise CliError(
-            ExitCode.FAILED,
-            f"{host}: this name is not known ({error.strerror}). Set server.host to an address of this computer.",
-        ) from error
     except OSError as error:
+        if error.errno in (socket.EAI_NONAME, socket.EAI_AGAIN):  # what was a gaierror, within create_server
+            raise CliError(
+                ExitCode.FAILED, f"{host}: this name is not known. Set server.host to an address of this computer."
+            ) from error
         reason = os.strerror(error.errno) if error.errno else str(error)
         raise CliError(
             ExitCode.FAILED, f"{host}:{port}: {reason}. Is another program there? Set server.host and server.port."

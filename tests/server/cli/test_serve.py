@@ -90,7 +90,7 @@ def test_a_data_directory_has_one_daemon(millstream: Run, tmp_path: Path) -> Non
 
 
 def test_a_host_that_nobody_knows_is_told_as_such() -> None:
-    with pytest.raises(CliError, match=r"no-such-host\.invalid: this name is not known .* server\.host"):
+    with pytest.raises(CliError, match=r"no-such-host\.invalid: this name is not known. Set server\.host"):
         bind("no-such-host.invalid", 0)
 
 
