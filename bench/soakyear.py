@@ -139,7 +139,10 @@ class Year:
     async def _disturb(self, program: str) -> None:
         """Somewhere in the middle of the job."""
         lines, drawn = self.random.randrange(LINES), self.random.random()
-        await until(lambda: len(self.mill.way()) >= lines, within_s=120.0, step_s=0.01)
+        try:
+            await until(lambda: len(self.mill.way()) >= lines, within_s=120.0, step_s=0.01)
+        except AssertionError as error:
+            raise AssertionError(f"it stands still: {await self.bench.shop.jobs.get(self.last_job)}") from error
         if drawn < BREAKS:
             await self._unplug()
         elif self._killing and drawn < BREAKS + KILLS:
