@@ -14,7 +14,8 @@ from tests.harness.process import Daemon, daemon, live_mill, until
 pytestmark = pytest.mark.real
 
 TOOL = "G21 G90\nG28\nM3 S12000\nG1 X5 F3000\nT3 M6\nG1 X10 F3000\nM30\n"
-LONG = "G21 G90\nG28\nM3 S12000\n" + "".join(f"G1 X{i % 50} Y{i % 7} F2000\n" for i in range(1, 500)) + "M30\n"
+LONG = "G21 G90\nG28\nM3 S12000\n" + "".join(f"G1 X{i % 50} Y{i % 7} F2000\n" for i in range(1, 4000)) + "M30\n"
+"""A minute: it still runs when the slowest computer comes to look."""
 
 
 def test_a_tool_change_is_asked_on_every_screen_and_one_answer_closes_it(

@@ -145,7 +145,7 @@ def test_one_moves_the_machine_the_others_see_who_and_may_take_over(
 
 
 def test_while_a_job_runs_nothing_moves_by_hand_and_the_page_says_why(person: Screen, mill: Daemon) -> None:
-    mill.job("G21 G90\nG28\n" + "".join(f"G1 X{i % 50} F1500\n" for i in range(1, 300)) + "M30\n")
+    mill.job("G21 G90\nG28\n" + "".join(f"G1 X{i % 50} F1500\n" for i in range(1, 3000)) + "M30\n")
     person.status("run")
     expect(person.named("jog-why")).to_have_text("a job runs")
     for name in ("home", "zero-x", "arm", "unlock"):

@@ -10,7 +10,7 @@ from tests.harness.process import Daemon, until
 
 pytestmark = pytest.mark.real
 
-WAY = "G21 G90\nG0 Z5\n" + "".join(f"G1 X{i % 20} Y{i % 7} F900\n" for i in range(1, 100)) + "M30\n"
+WAY = "G21 G90\nG0 Z5\n" + "".join(f"G1 X{i % 20} Y{i % 7} F900\n" for i in range(1, 1500)) + "M30\n"
 DRIVER = r"GL Driver Message|GPU stall"
 WITHIN_MS = 30_000
 
