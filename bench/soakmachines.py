@@ -177,11 +177,8 @@ class Lathe(Mill):
     def way(self) -> list[float]:
         return [(x - self._zero) / 1000 for x, _ in self.bench.path()]
 
-    def program(self, far: int) -> str:
-        return super().program(far % 40)
-
     def wanted(self, far: int) -> list[float]:
-        return super().wanted(far % 40)
+        return super().wanted(far % 40 + 1)  # it stands at 0: the first move leads away from there
 
     async def ready(self, people: People) -> None:
         await people.asks("POST", f"{WORKSHOP}/commands", 200, json={"blocks": [HERE]})
