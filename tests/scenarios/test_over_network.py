@@ -181,7 +181,8 @@ def test_a_client_that_goes_away_in_its_upload_leaves_nothing() -> None:
         port = int(daemon.http.rpartition(":")[2])
         _, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(
-            b"POST /api/v1/programs?name=a.nc HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000000\r\n\r\nG0 X1\n"
+            b"POST /api/v1/programs?name=a.nc HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000000\r\n\r\n"
+            + b"G0 X1\n" * 50_000  # more than is gathered before it goes to the disk
         )
         await writer.drain()
         while daemon.workshop.programs.taken_bytes == 0:
