@@ -11,7 +11,7 @@ import time
 from collections import deque
 from pathlib import Path
 
-from server.serialport import PortOpener
+from server.machine.serialport import PortOpener
 
 BAUD = 115200
 WINDOW_BYTES = 128

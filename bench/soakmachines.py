@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.soakpeople import People
-from server.reentryconfig import ReentryWish
+from server.config.reentry import ReentryWish
 from sim.changer.changer import VirtualChanger
 from sim.changer.settings import ChangerSettings
 from sim.elvinto.settings import SimSettings as ElvintoSettings

@@ -19,9 +19,10 @@ from typing import Any
 from bench.soakmachines import LINES, MILLS, Mill
 from bench.soakpeople import MACRO, People
 from jobs import history, seals
-from server import audit, auditing, retention, sealing
-from server.auditconfig import AuditConfig
-from server.historyconfig import HistoryConfig
+from server.access import audit, auditing
+from server.config.audit import AuditConfig
+from server.config.history import HistoryConfig
+from server.store import retention, sealing
 from tests.harness.simloop import run_simulated, until
 
 SEED = 17

@@ -1,7 +1,7 @@
 """Backups of what a controller has stored: kept before each change, compared, put back. Runs inside the db thread.
 
-Not the writing to the controller (server/storedsettings.py). The one rule: a backup is never edited; the same content
-twice in a row is one backup, and of many the first is kept for ever, for it is the machine as it was delivered.
+Not the writing to the controller (server/machine/storedsettings.py). The one rule: a backup is never edited; the same
+content twice in a row is one backup, and of many the first is kept for ever, for it is the machine as it was delivered.
 """
 
 import json

@@ -1,9 +1,9 @@
 """What may go: ended jobs with their journals, the old end of the history, programs that no job names. In pieces.
 
-Runs inside the db thread. Not when that is asked (server/retention.py), not the chain of hashes (history.py, seals.py).
-The one rule: a job is removed only when it has ended and stands sealed in the history, and the history says that it was
-removed before the first row of it is gone: a daemon that dies in between goes on where it was, and nobody who verifies
-the history takes the rest for damage.
+Runs inside the db thread. Not when that is asked (server/store/retention.py), not the chain of hashes (history.py,
+seals.py). The one rule: a job is removed only when it has ended and stands sealed in the history, and the history says
+that it was removed before the first row of it is gone: a daemon that dies in between goes on where it was, and nobody
+who verifies the history takes the rest for damage.
 """
 
 from collections.abc import Iterable

@@ -197,7 +197,7 @@ begin select raise(abort, 'the audit is append-only'); end
 
 @migrations()
 def m017_audit(db: Database) -> None:
-    """Who has asked for what (server/audit.py): a chain as the history is, with an anchor of its own."""
+    """Who has asked for what (server/access/audit.py): a chain as the history is, with an anchor of its own."""
     db.execute("""
         create table audit (
             id integer primary key autoincrement, at text not null, via text not null, token text, name text not null,

@@ -33,7 +33,7 @@ from protocol.errors import LocalError
 STANDSTILL = "G4P0"
 """In the place of an M61 alone in its line: a block that waits until everything before it is executed."""
 LINES_AT_ONCE = 1536
-"""Lines of one go: ten milliseconds beside the loop (server/turns.py), of which three are the same for one line."""
+"""Lines of one go: ten milliseconds beside the loop (server/machine), of which three are the same for one line."""
 
 
 class PlanError(LocalError):

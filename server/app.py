@@ -15,31 +15,31 @@ from jobs.program import ProgramStore
 from protocol.elvinto.engine import ElvintoEngine
 from protocol.grbl.engine import GrblEngine
 from protocol.ncframe.engine import NcFrameEngine
-from server.audit import Audit
-from server.childworker import BySize
+from server.access.audit import Audit
+from server.access.tokens import TokenStore
+from server.background.childworker import BySize
+from server.background.dbthread import Db, DbThread
+from server.background.worker import ThreadWorker, Worker
+from server.changer.toolchanger import ToolChanger
 from server.clock import Clock, WallClock
-from server.config import Config, MachineConfig
-from server.controller import Controller
-from server.dbthread import Db, DbThread
-from server.elvintoconfig import ElvintoConfig
-from server.estimates import Estimates
-from server.grblconfig import GrblConfig
-from server.hub import Hub
-from server.jobservice import JobService
-from server.link import EngineFactory
-from server.ncframeconfig import NcFrameConfig
-from server.outbound.counters import Counters
-from server.panel import Panel
-from server.plans import Planning
-from server.programservice import ProgramService
-from server.room import Room
-from server.serialport import Opener, PortOpener
-from server.starting import Background, Starter
-from server.tokens import TokenStore
-from server.toolchanger import ToolChanger
-from server.toolpaths import Toolpaths
-from server.worker import ThreadWorker, Worker
-from server.workpiece import RATELESS, Workpiece
+from server.config.elvinto import ElvintoConfig
+from server.config.grbl import GrblConfig
+from server.config.model import Config, MachineConfig
+from server.config.ncframe import NcFrameConfig
+from server.job.estimates import Estimates
+from server.job.service import JobService
+from server.job.starting import Background, Starter
+from server.live.hub import Hub
+from server.machine.controller import Controller
+from server.machine.link import EngineFactory
+from server.machine.panel import Panel
+from server.machine.serialport import Opener, PortOpener
+from server.programs.plans import Planning
+from server.programs.room import Room
+from server.programs.service import ProgramService
+from server.programs.toolpaths import Toolpaths
+from server.programs.workpiece import RATELESS, Workpiece
+from server.waysout import Counters
 
 HEAVY = frozenset({"checks", "drawings", "timelines"})
 """Workers that read whole programs and compute."""

@@ -19,8 +19,8 @@ from prometheus_client.metrics_core import (
 )
 from prometheus_client.registry import Collector as Base
 
-from server.hub import Hub
-from server.outbound.counters import Counters, WayOut
+from server.live.hub import Hub
+from server.waysout import Counters, WayOut
 
 MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 

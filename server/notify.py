@@ -13,7 +13,7 @@ import sqlite3
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 
-from server.dbthread import Db
+from server.background.dbthread import Db
 from server.problems import ProblemError
 
 log = logging.getLogger(__name__)

@@ -42,7 +42,7 @@ RECORDED_FRAMES = 400
 """Writes and lines kept for the job's events at a fault: some seconds of a full stream, 40 KB."""
 MAX_BATCHES = 65
 """Batches that may be with the engine: enough that the planner never runs dry where each holds a single line. A job
-uses one place less (server/grblconfig.py), so that what is asked by hand beside it can be handed over."""
+uses one place less (server/config/grbl.py), so that what is asked by hand beside it can be handed over."""
 MAX_BY_HAND = 8
 HANDSHAKE_TRIES = 2
 

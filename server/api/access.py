@@ -1,7 +1,7 @@
 """Routes of access: signing in and out, and the tokens.
 
-Not the tokens themselves (`server/tokens.py`), not the audit (audit.py). The one rule: a secret is answered once, when
-it is made, and is in no log and no list.
+Not the tokens themselves (`server/access/tokens.py`), not the audit (audit.py). The one rule: a secret is answered
+once, when it is made, and is in no log and no list.
 """
 
 from typing import Annotated
@@ -10,15 +10,15 @@ from fastapi import FastAPI, Path, Request
 from starlette.datastructures import Headers
 from starlette.responses import Response
 
+from server.access.auth import SESSION_LIFETIME_S, Principal, Role
+from server.access.tickets import LIFETIME_S
+from server.access.tokens import TokenError
 from server.api.accessmodels import NewTokenView, SessionRequest, SessionView, TicketView, TokenRequest, TokenView
 from server.api.clientaddress import ADDRESS_KEY, TLS_KEY
 from server.api.guard import ATTEMPT_KEY, MADE_KEY, PRINCIPAL_KEY, SESSION_COOKIE, session_cookie
 from server.api.routing import Routes, json_response, principal_of
 from server.api.services import Json, Services
-from server.auth import SESSION_LIFETIME_S, Principal, Role
 from server.problems import ProblemError
-from server.tickets import LIFETIME_S
-from server.tokens import TokenError
 
 TokenId = Annotated[str, Path(pattern=r"^[0-9a-zA-Z_-]{1,64}$", description="The token's id", examples=["9f2c41aa"])]
 

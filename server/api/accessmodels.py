@@ -1,6 +1,7 @@
 """The shapes of requests and answers about who may do what: sessions, tokens, the audit.
 
-Not their meaning (server/tokens.py, server/audit.py). The one rule: a secret stands in one answer, that of its making.
+Not their meaning (server/access/tokens.py, server/access/audit.py). The one rule: a secret stands in one answer, that
+of its making.
 """
 
 from typing import Annotated, Literal

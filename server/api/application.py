@@ -12,7 +12,8 @@ from typing import cast
 
 from fastapi import FastAPI, Request
 
-from server import ws
+from server.access.auth import Principal
+from server.access.lease import Leases
 from server.api import (
     access,
     audit,
@@ -26,6 +27,7 @@ from server.api import (
     registers,
     switches,
     system,
+    ws,
 )
 from server.api.audittrail import Trail
 from server.api.clientaddress import Proxies
@@ -33,10 +35,8 @@ from server.api.control import client_of
 from server.api.guard import Guard, HostRule
 from server.api.openapi import document
 from server.api.services import Services
-from server.auth import Principal
-from server.hub import rfc3339, utc_now
+from server.clock import rfc3339, utc_now
 from server.jsontext import dumps
-from server.lease import Leases
 
 LATE_IMPORTS = ("anyio._backends._asyncio",)
 """What the first request that asks whether its client is still there would import: 20 ms of the loop, with a job under

@@ -1,7 +1,7 @@
 """The route of the audit: who has asked for what, for admins, page by page, also as a table for a spreadsheet.
 
-Not the table (server/audit.py). The one rule: what somebody has typed is text in every program that opens the answer: a
-cell that a spreadsheet would take for a formula begins with an apostrophe.
+Not the table (server/access/audit.py). The one rule: what somebody has typed is text in every program that opens the
+answer: a cell that a spreadsheet would take for a formula begins with an apostrophe.
 """
 
 import csv
@@ -13,12 +13,12 @@ from typing import Annotated, Any, Literal
 from fastapi import FastAPI, Query
 from starlette.responses import Response
 
+from server.access.audit import COLUMNS, Wanted
+from server.access.auth import Role
 from server.api.accessmodels import AuditView
 from server.api.routing import Routes, json_response
 from server.api.services import Services
-from server.audit import COLUMNS, Wanted
-from server.auth import Role
-from server.hub import rfc3339
+from server.clock import rfc3339
 
 DEFAULT_PAGE = 100
 MAX_PAGE = 1000

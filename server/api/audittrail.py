@@ -1,18 +1,19 @@
 """Which requests go into the audit, and what of them: who, from where, on what, with which answer.
 
-Not the table (server/audit.py). The one rule: never a body, a query or a header, for those hold secrets; and nobody who
-is not known can fill the table: of strangers only attempts to sign in are kept, and those are bounded (ratelimit.py).
+Not the table (server/access/audit.py). The one rule: never a body, a query or a header, for those hold secrets; and
+nobody who is not known can fill the table: of strangers only attempts to sign in are kept, and those are bounded
+(ratelimit.py).
 """
 
 from collections.abc import Callable
 
 from starlette.types import Scope
 
+from server.access.audit import Audit, Entry, clean
+from server.access.auth import NOBODY, Principal, Role
 from server.api.clientaddress import ADDRESS_KEY, UNKNOWN
 from server.api.guard import ATTEMPT_KEY, MADE_KEY, PRINCIPAL_KEY, UNAUDITED_KEY
 from server.api.problems import PROBLEM_KEY
-from server.audit import Audit, Entry, clean
-from server.auth import NOBODY, Principal, Role
 
 GUESSED = ("unauthorized", "token_expired")
 MAX_JOB = 2**53

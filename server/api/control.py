@@ -1,7 +1,7 @@
 """Routes of the control of a machine, and how a request tells which client it is.
 
-Not the lease (server/lease.py). The one rule: a client is told apart by what nobody else can have: its token, or its
-session; what it calls itself only tells apart those who share one.
+Not the lease (server/access/lease.py). The one rule: a client is told apart by what nobody else can have: its token, or
+its session; what it calls itself only tells apart those who share one.
 """
 
 import re
@@ -12,14 +12,14 @@ from starlette.datastructures import Headers
 from starlette.responses import Response
 from starlette.types import Scope
 
+from server.access.auth import Principal, Role
+from server.access.lease import Client, Leases
 from server.api.accessmodels import ControlRequest, ControlView
 from server.api.clientaddress import ADDRESS_KEY, UNKNOWN
 from server.api.guard import MADE_KEY, PRINCIPAL_KEY, UNAUDITED_KEY
 from server.api.machines import MachineName, find
 from server.api.routing import Routes, json_response
 from server.api.services import Json, Services
-from server.auth import Principal, Role
-from server.lease import Client, Leases
 from server.problems import ProblemError
 
 CLIENT_HEADER = "millstream-client"

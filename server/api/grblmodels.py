@@ -1,7 +1,7 @@
 """The shapes of requests and answers about what a Grbl tells of itself and what is pressed at it; not its settings.
 
-Not their meaning (server/panel.py). The one rule is that of models.py: a request with a field that is not here is
-refused; whatever moves a machine or writes its memory has bounds besides.
+Not their meaning (server/machine/panel.py). The one rule is that of models.py: a request with a field that is not here
+is refused; whatever moves a machine or writes its memory has bounds besides.
 """
 
 from typing import Annotated, Any, Literal
@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field, StrictBool, model_validator
 
 from server.api.machinemodels import AXES, AxisMove
 from server.api.models import example, request_example
-from server.overrides import LEAST_PERCENT, MOST_PERCENT
+from server.machine.overrides import LEAST_PERCENT, MOST_PERCENT
 
 MAX_INFO_CHARS = 80
 MAX_STARTUP_BLOCKS = 10

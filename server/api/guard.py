@@ -17,9 +17,9 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
+from server.access.auth import NOBODY, Principal, is_loopback
 from server.api.clientaddress import ADDRESS_KEY, TLS_KEY, Proxies
 from server.api.problems import PROBLEM_KEY, internal_problem, problem_response, refuse_socket
-from server.auth import NOBODY, Principal, is_loopback
 from server.problems import ProblemError
 
 logger = logging.getLogger(__name__)

@@ -1,19 +1,19 @@
 """Routes of a machine's tool changer: its pins, the person who changes tools, the tool table.
 
-Not their meaning (server/toolchanger.py). The one rule: only inputs are driven from outside; what the daemon drives is
-refused with 409.
+Not their meaning (server/changer/toolchanger.py). The one rule: only inputs are driven from outside; what the daemon
+drives is refused with 409.
 """
 
 from fastapi import FastAPI
 from starlette.responses import Response
 
+from server.access.auth import Role
 from server.api.iomodels import After, IoView, PinsRequest, ToolRequest, ToolsRequest, ToolsView
 from server.api.machinemodels import Accepted
 from server.api.machines import MachineName, accepted, find
 from server.api.models import JobEventView
 from server.api.routing import Routes, json_response
 from server.api.services import ChangerControl, Services
-from server.auth import Role
 
 
 def changer_of(services: Services, name: str) -> ChangerControl:

@@ -1,7 +1,7 @@
 """The shapes of requests and answers about a tool changer: its pins, its tools, its tool table.
 
-Not their meaning (server/toolchanger.py). The one rule is that of models.py: a request with a field that is not here is
-refused.
+Not their meaning (server/changer/toolchanger.py). The one rule is that of models.py: a request with a field that is not
+here is refused.
 """
 
 from typing import Annotated, Any, Literal

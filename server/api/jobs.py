@@ -10,6 +10,7 @@ from typing import Annotated
 from fastapi import FastAPI, Header, Path, Query, Request
 from starlette.responses import Response
 
+from server.access.auth import Role
 from server.api.machines import find
 from server.api.models import (
     BatchView,
@@ -22,7 +23,6 @@ from server.api.models import (
 from server.api.recovermodels import RecoverRequest, RecoverView
 from server.api.routing import Routes, json_response, still_there
 from server.api.services import Jobs, Json, Services
-from server.auth import Role
 
 JobId = Annotated[int, Path(ge=1, le=2**53, description="The job's id", examples=[17])]
 

@@ -1,7 +1,7 @@
 """Routes of a machine: its state, and what an operator asks it to do.
 
-Not what it means to a machine (`server/controller.py`). The one rule: e-stop, pause, resume and stop are handed over
-in the same step of the loop in which they came in; nothing is awaited before them.
+Not what it means to a machine (`server/machine/controller.py`). The one rule: e-stop, pause, resume and stop are handed
+over in the same step of the loop in which they came in; nothing is awaited before them.
 """
 
 from collections.abc import Awaitable, Callable
@@ -10,6 +10,7 @@ from typing import Annotated
 from fastapi import FastAPI, Path, Query
 from starlette.responses import Response
 
+from server.access.auth import Role
 from server.api.machinemodels import (
     Accepted,
     CodeView,
@@ -24,7 +25,6 @@ from server.api.machinemodels import (
 )
 from server.api.routing import Routes, json_list, json_response
 from server.api.services import MachineControl, Services
-from server.auth import Role
 from server.problems import ProblemError
 
 MachineName = Annotated[str, Path(pattern=r"^[a-z0-9-]{1,64}$", description="The machine's name", examples=["router"])]

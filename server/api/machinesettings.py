@@ -1,7 +1,7 @@
 """Routes of a controller's settings and their backups.
 
-Not their meaning (server/storedsettings.py). The one rule: what is written to a controller needs an admin, and the
-answer says of each setting what became of it.
+Not their meaning (server/machine/storedsettings.py). The one rule: what is written to a controller needs an admin, and
+the answer says of each setting what became of it.
 """
 
 from typing import Annotated
@@ -9,6 +9,7 @@ from typing import Annotated
 from fastapi import FastAPI, Path, Request
 from starlette.responses import Response
 
+from server.access.auth import Role
 from server.api.machines import MachineName, find
 from server.api.routing import Routes, json_response, principal_of
 from server.api.services import Services, SettingsControl
@@ -20,7 +21,6 @@ from server.api.settingmodels import (
     SettingsResult,
     SettingsView,
 )
-from server.auth import Role
 
 BackupId = Annotated[int, Path(ge=1, le=2**53, description="The backup's id", examples=[12])]
 

@@ -1,6 +1,6 @@
 """What a client may say over the WebSocket: the messages, the role that each needs, and their documentation.
 
-Not what is done about them (`server/ws.py`). The one rule: a message is judged as strictly as a request, and its
+Not what is done about them (`server/api/ws.py`). The one rule: a message is judged as strictly as a request, and its
 answer (`result`) carries a problem as an answer over HTTP would.
 """
 
@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, TypeAdapter, model_validator
 
+from server.access.auth import Role
 from server.api.iomodels import Levels
 from server.api.machinemodels import MAX_FEED_MM_MIN, AxisMove
-from server.auth import Role
-from server.subscription import DEFAULT_RATE_HZ, TOPICS, Filter
+from server.live.subscription import DEFAULT_RATE_HZ, TOPICS, Filter
 
 MIN_RATE_HZ = 0.1
 MAX_RATE_HZ = 100.0

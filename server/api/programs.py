@@ -1,6 +1,6 @@
 """Routes of programs: upload, list, source, check, toolpath, delete.
 
-Not the store (`server/programservice.py`). The one rule: the content of a program is never in memory as a whole.
+Not the store (`server/programs/service.py`). The one rule: the content of a program is never in memory as a whole.
 """
 
 from collections.abc import AsyncIterator
@@ -10,11 +10,11 @@ from fastapi import FastAPI, Path, Query, Request
 from starlette.responses import Response, StreamingResponse
 
 from gcode.toolpath import MAX_LEVEL
+from server.access.auth import Role
 from server.api.models import PROGRAM_ID, CheckView, ProgramView, SourceView
 from server.api.routing import Routes, json_response
 from server.api.services import Services
 from server.api.upload import MAX_NAME_CHARS, FileOfForm, gathered, is_multipart, program_name
-from server.auth import Role
 from server.problems import ProblemError
 
 ProgramId = Annotated[str, Path(pattern=r"^[0-9a-f]{64}$", description="The program's id", examples=[PROGRAM_ID])]

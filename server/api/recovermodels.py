@@ -1,7 +1,7 @@
 """The shapes of `recover`: what is asked and what is answered, with units, bounds and examples.
 
-Not their meaning (server/recovery.py, docs/resume.md). The one rule: a request that moves a machine says so in a field
-of its own, `action`; every other field only describes.
+Not their meaning (server/job/recovery.py, docs/resume.md). The one rule: a request that moves a machine says so in a
+field of its own, `action`; every other field only describes.
 """
 
 from typing import Annotated, Any, Literal
@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field, StrictBool, model_validator
 from gcode.reentry import Purpose
 from jobs.reentry import MAX_BLOCKS
 from server.api.models import JobErrorView, example, request_example
-from server.reentryconfig import Clearance, PlungeFeed, ReentryWish, SpindleWait
+from server.config.reentry import Clearance, PlungeFeed, ReentryWish, SpindleWait
 
 MAX_BLOCK_CHARS = 256
 """The longest line that any controller takes."""

@@ -1,6 +1,6 @@
 """Routes of what a controller tells of itself and keeps besides its settings: firmware, modal state, offsets, blocks.
 
-Not their meaning (server/panel.py). The one rule: what a block would do unasked is refused until it is forced.
+Not their meaning (server/machine/panel.py). The one rule: what a block would do unasked is refused until it is forced.
 """
 
 from typing import Annotated, Literal
@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from fastapi import FastAPI, Path, Request
 from starlette.responses import Response
 
+from server.access.auth import Role
 from server.api.grblmodels import (
     FirmwareView,
     InfoRequest,
@@ -21,7 +22,6 @@ from server.api.machines import MachineName, find
 from server.api.machinesettings import ASKING
 from server.api.routing import Routes, json_response, principal_of
 from server.api.services import PanelControl, Services
-from server.auth import Role
 
 OffsetName = Annotated[Literal["G92", "TLO"], Path(description="The offset to clear", examples=["G92"])]
 

@@ -19,12 +19,12 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 from starlette.types import Message, Receive
 
+from server.access.auth import Principal, Role
+from server.access.tokens import EXPIRED_DETAIL
 from server.api.guard import MADE_KEY, PRINCIPAL_KEY
 from server.api.problems import MEDIA_TYPE, problem_body, statuses
-from server.auth import Principal, Role
 from server.jsontext import dumps
 from server.problems import ProblemError
-from server.tokens import EXPIRED_DETAIL
 
 MAX_BODY_BYTES = 1024 * 1024
 """Enough for any request but the upload of a program, which is streamed and has its own limit."""
@@ -184,7 +184,7 @@ class Routes:
         openapi_extra: dict[str, Any] | None = None,
     ) -> Callable[[Endpoint], Endpoint]:
         """Declare an endpoint. `model` describes its JSON answer; `content` one that is not JSON. `by_hand`: it moves
-        the machine `m`, and one client at a time may do so (server/lease.py)."""
+        the machine `m`, and one client at a time may do so (server/access/lease.py)."""
 
         def declare(endpoint: Endpoint) -> Endpoint:
             requires(role)(endpoint)

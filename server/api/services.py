@@ -8,13 +8,13 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mappin
 from typing import Any, Literal, Protocol
 
 from protocol.commands import OnError
-from server.audit import Audit
-from server.hub import Hub
-from server.limitsconfig import LimitsConfig
+from server.access.audit import Audit
+from server.access.tokens import TokenStore
+from server.config.limits import LimitsConfig
+from server.config.reentry import AS_CONFIGURED, ReentryWish
+from server.live.hub import Hub
 from server.metrics import MachineMetrics
-from server.outbound.counters import Counters
-from server.reentryconfig import AS_CONFIGURED, ReentryWish
-from server.tokens import TokenStore
+from server.waysout import Counters
 
 Json = dict[str, Any]
 

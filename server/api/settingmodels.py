@@ -1,7 +1,7 @@
 """The shapes of requests and answers about the settings of a controller and their backups.
 
-Not their meaning (server/storedsettings.py). The one rule is that of models.py: a request with a field that is not here
-is refused; a value is a word, a number, true or false, and nothing else.
+Not their meaning (server/machine/storedsettings.py). The one rule is that of models.py: a request with a field that is
+not here is refused; a value is a word, a number, true or false, and nothing else.
 """
 
 from typing import Annotated, Any, Literal

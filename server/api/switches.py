@@ -1,12 +1,13 @@
 """Routes of a controller's modes and of what is pressed at it while it works.
 
-Not their meaning (server/panel.py, server/switches.py). The one rule: what goes out on the real-time lane waits for
-nothing before its byte is written.
+Not their meaning (server/machine/panel.py, server/machine/switches.py). The one rule: what goes out on the real-time
+lane waits for nothing before its byte is written.
 """
 
 from fastapi import FastAPI, Request
 from starlette.responses import Response
 
+from server.access.auth import Role
 from server.api.grblmodels import (
     CheckModeRequest,
     CoolantRequest,
@@ -22,7 +23,6 @@ from server.api.machinesettings import ASKING
 from server.api.registers import panel_of
 from server.api.routing import Routes, json_response, principal_of
 from server.api.services import Services
-from server.auth import Role
 
 PRESSING = ("unknown_machine", "not_supported", "not_connected")
 

@@ -11,11 +11,11 @@ from typing import Annotated, Any
 from fastapi import FastAPI, Path, Request
 from starlette.responses import Response
 
+from server.access.auth import Role
 from server.api.models import Health
 from server.api.routing import Routes, json_response
 from server.api.services import Services
 from server.api.webfiles import answer, web_file
-from server.auth import Role
 from server.metrics import MEDIA_TYPE as METRICS_MEDIA_TYPE
 from server.metrics import Refused, exposition
 from server.problems import ProblemError

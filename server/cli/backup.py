@@ -13,12 +13,12 @@ from typing import Annotated
 
 import typer
 
-from server import archive
-from server.archive import ArchiveError
 from server.cli.common import CliError, ConfigFile, ExitCode, Json, safe, say, say_json, warn
 from server.cli.settings import DEFAULT_CONFIG, configuration, sole_daemon
-from server.hub import rfc3339, utc_now
-from server.restoring import in_the_way, restore
+from server.clock import rfc3339, utc_now
+from server.store import archive
+from server.store.archive import ArchiveError
+from server.store.restoring import in_the_way, restore
 
 MIB = 1024**2
 

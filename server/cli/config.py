@@ -1,6 +1,6 @@
 """`millstream config`: what the daemon would work with, and where each value comes from.
 
-Not the reading (server/configfile.py). The one rule: secrets are masked, so that the output can be shown to others.
+Not the reading (server/config/file.py). The one rule: secrets are masked, so that the output can be shown to others.
 """
 
 import json
@@ -13,8 +13,8 @@ from rich.table import Table
 from server.cli.common import CliError, ConfigFile, ExitCode, Json, safe, say, say_json, terminal
 from server.cli.daemon import surroundings
 from server.cli.settings import DEFAULT_CONFIG
-from server.configfile import ConfigError
-from server.configsources import DEFAULT, settings
+from server.config.file import ConfigError
+from server.config.sources import DEFAULT, settings
 
 group = typer.Typer(help="The configuration: show.", no_args_is_help=True)
 

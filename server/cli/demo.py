@@ -21,7 +21,7 @@ from server.cli.daemon import Daemon, Surroundings, machine_path
 from server.cli.jobs import upload
 from server.cli.progress import POLL_S, describe, follow
 from server.cli.serve import RunningDaemon, bind, loop_factory, running
-from server.config import Config, MachineConfig, ServerConfig
+from server.config.model import Config, MachineConfig, ServerConfig
 
 HOST = "127.0.0.1"
 MACHINE = "mill"

@@ -1,7 +1,7 @@
 """`millstream doctor`: what is not in order on this computer, with the daemon, with each machine; and what to do.
 
-Not the looking (server/doctor.py). The one rule: everything that is found is told, also where the configuration itself
-is what is wrong; an error among it is exit code 1.
+Not the looking (server/doctor/doctor.py). The one rule: everything that is found is told, also where the configuration
+itself is what is wrong; an error among it is exit code 1.
 """
 
 import json
@@ -13,11 +13,11 @@ import typer
 from server.cli.common import CliError, ConfigFile, ExitCode, Json, safe, say, say_json
 from server.cli.daemon import surroundings
 from server.cli.settings import DEFAULT_CONFIG
-from server.config import PROTOCOLS, Config
-from server.configfile import ConfigError, load
-from server.doctor import Doctor, config_faults
-from server.doctorask import ProtocolName
-from server.doctorfindings import Finding, Level
+from server.config.file import ConfigError, load
+from server.config.model import PROTOCOLS, Config
+from server.doctor.ask import ProtocolName
+from server.doctor.doctor import Doctor, config_faults
+from server.doctor.findings import Finding, Level
 
 MARKS = {Level.OK: "ok     ", Level.INFO: "note   ", Level.WARNING: "warning", Level.ERROR: "ERROR  "}
 

@@ -14,7 +14,7 @@ import typer
 from sqlite_utils import Database
 
 from jobs import history, seals
-from server import audit
+from server.access import audit
 from server.cli.common import CliError, ConfigFile, ExitCode, Json, safe, say, say_json
 from server.cli.settings import configuration
 

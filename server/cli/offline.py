@@ -40,9 +40,9 @@ from server.cli.frames import (
     ToolRadius,
     print_frames,
 )
-from server.config import MotionFile
-from server.configfile import ConfigError, load_section
-from server.elvintoconfig import ElvintoConfig
+from server.config.elvinto import ElvintoConfig
+from server.config.file import ConfigError, load_section
+from server.config.model import MotionFile
 
 CHUNK_BYTES = 64 * 1024
 

@@ -1,7 +1,7 @@
 """`millstream recover`: what an interrupted job would go on with, block by block, and going on.
 
-Not the plan itself (server/recovery.py). The one rule: without --run or --continue nothing is asked that could move a
-machine; whoever runs a plan has had to say so.
+Not the plan itself (server/job/recovery.py). The one rule: without --run or --continue nothing is asked that could move
+a machine; whoever runs a plan has had to say so.
 """
 
 from collections.abc import Iterator, Mapping

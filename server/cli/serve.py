@@ -20,22 +20,21 @@ from typing import TYPE_CHECKING
 import typer
 import uvicorn
 
-from server import auditing
-from server.auth import ExposureError, check_exposure
+from server.access import auditing
+from server.access.auth import ExposureError, check_exposure
+from server.access.tokens import list_tokens
+from server.api.httpwire import MAX_CONNECTIONS, HttpProtocol
+from server.api.wswire import WireProtocol
 from server.cli.common import CliError, ConfigFile, ExitCode, on_stop_signal, say, warn
 from server.cli.settings import DEFAULT_CONFIG, configuration, database, sole_daemon
-from server.clock import WallClock
-from server.config import Config
-from server.httpwire import MAX_CONNECTIONS, HttpProtocol
-from server.hub import utc_now
+from server.clock import WallClock, utc_now
+from server.config.model import Config
 from server.logformat import log_handler
 from server.notify import Notifier, keep_telling
 from server.outbound.errors import OutboundError
 from server.outbound.service import Outbound
-from server.retention import keep_within
-from server.sealing import keep_sealing
-from server.tokens import list_tokens
-from server.wswire import WireProtocol
+from server.store.retention import keep_within
+from server.store.sealing import keep_sealing
 
 if TYPE_CHECKING:
     from server.app import Workshop

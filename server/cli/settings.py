@@ -14,12 +14,12 @@ import typer
 from sqlite_utils import Database
 
 from jobs.schema import prepare
+from server.background.dbthread import refusal
 from server.cli.common import CliError, ExitCode, safe
 from server.cli.daemon import surroundings
-from server.config import Config
-from server.configfile import ConfigError, load
-from server.dbthread import refusal
-from server.restoring import INCOMPLETE
+from server.config.file import ConfigError, load
+from server.config.model import Config
+from server.store.restoring import INCOMPLETE
 
 DEFAULT_CONFIG = Path("millstream.toml")
 

@@ -12,13 +12,13 @@ import typer
 from rich.table import Table
 from sqlite_utils import Database
 
-from server.audit import BY_COMMAND_LINE, Entry, append, clean
-from server.auth import GRANTABLE
+from server.access.audit import BY_COMMAND_LINE, Entry, append, clean
+from server.access.auth import GRANTABLE
+from server.access.tokens import TokenError, create_token, list_tokens, revoke_token
+from server.background.dbthread import in_transaction
 from server.cli.common import CliError, ConfigFile, ExitCode, Json, safe, say, say_json, terminal, warn
 from server.cli.settings import configuration, database
-from server.dbthread import in_transaction
-from server.hub import rfc3339, utc_now
-from server.tokens import TokenError, create_token, list_tokens, revoke_token
+from server.clock import rfc3339, utc_now
 
 group = typer.Typer(help="Access tokens: create, list, revoke.", no_args_is_help=True)
 

@@ -7,7 +7,7 @@ import ipaddress
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from server.auth import is_loopback
+from server.access.auth import is_loopback
 
 SERVICES = ("_millstream._tcp.local.", "_http._tcp.local.")
 WILDCARDS = frozenset({"0.0.0.0", "::"})  # noqa: S104 - compared, not bound

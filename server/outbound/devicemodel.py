@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
-from server.config import MachineConfig
+from server.config.model import MachineConfig
 from server.outbound.shdr import axis_items
 
 NAMESPACE = "urn:mtconnect.org:MTConnectDevices:1.8"

@@ -1,7 +1,8 @@
 """What happens in the workshop, for a part of the daemon that tells others: a reader of the hub like any browser.
 
-Not the hub (server/hub.py) and nothing of what is told, or to whom. The one rule: a part that is slow loses states, and
-then its place: it is cut like any reader, begins anew with how things stand (`Notice.fresh`), and nobody waits for it.
+Not the hub (server/live/hub.py) and nothing of what is told, or to whom. The one rule: a part that is slow loses
+states, and then its place: it is cut like any reader, begins anew with how things stand (`Notice.fresh`), and nobody
+waits for it.
 """
 
 import asyncio
@@ -12,8 +13,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from server.hub import Hub
-from server.subscription import STATE, Filter, Subscription
+from server.live.hub import Hub
+from server.live.subscription import STATE, Filter, Subscription
 
 Json = Mapping[str, Any]
 

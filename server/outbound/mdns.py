@@ -14,7 +14,7 @@ import ifaddr
 from zeroconf import Error, ServiceInfo, Zeroconf
 
 from server.outbound.announcement import Announcement
-from server.outbound.counters import WayOut
+from server.waysout import WayOut
 
 log = logging.getLogger(__name__)
 

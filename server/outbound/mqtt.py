@@ -15,13 +15,13 @@ from typing import Protocol
 
 import aiomqtt
 
-from server.outbound.counters import WayOut
+from server.config.telemetry import MqttConfig
 from server.outbound.feed import Feed
 from server.outbound.mqttoutbox import Outbox
 from server.outbound.mqtttopics import OFFLINE, ONLINE, Post, Teller, Topics, discovery
 from server.outbound.tasks import end
 from server.problems import ProblemError
-from server.telemetryconfig import MqttConfig
+from server.waysout import WayOut
 
 log = logging.getLogger(__name__)
 

@@ -3,9 +3,9 @@
 The one rule: it says no more than is known. Who has published the broker alone knows, so the row names the broker.
 """
 
-from server.audit import Entry, clean
+from server.access.audit import Entry, clean
+from server.config.telemetry import MqttConfig
 from server.problems import ProblemError
-from server.telemetryconfig import MqttConfig
 
 METHOD = "MQTT"
 ACCEPTED = 202

@@ -5,8 +5,8 @@ Not the connection (mqtt.py). The one rule: it never grows beyond the topics and
 
 from collections import deque
 
-from server.outbound.counters import WayOut
 from server.outbound.mqtttopics import Post
+from server.waysout import WayOut
 
 
 class Outbox:

@@ -9,9 +9,9 @@ import logging
 import socket
 from collections.abc import Callable, Iterable, Mapping
 
-from server.outbound.counters import WayOut
 from server.outbound.feed import Feed, Notice
 from server.outbound.shdr import HEARTBEAT_MS, PING, PONG, Device, Value, lines
+from server.waysout import WayOut
 
 log = logging.getLogger(__name__)
 

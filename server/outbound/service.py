@@ -15,7 +15,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from server.clock import WallClock, stamp
-from server.config import Config
+from server.config.model import Config
 from server.outbound import webhook
 from server.outbound.announcement import Announcement, announcements, reachable
 from server.outbound.devicemodel import axes_of
@@ -27,7 +27,7 @@ from server.outbound.webhook import FileStore, Hook, HttpPost
 
 if TYPE_CHECKING:
     from server.app import Workshop
-    from server.controller import Controller
+    from server.machine.controller import Controller
 
 log = logging.getLogger(__name__)
 

@@ -18,12 +18,12 @@ from urllib.parse import urlsplit
 import httpx
 
 from server.clock import Clock
-from server.outbound.counters import WayOut
+from server.config.telemetry import WebhookConfig
 from server.outbound.feed import Feed
 from server.outbound.tasks import end
 from server.outbound.webhookevents import Happened, Watcher, body_of, headers_of
 from server.outbound.webhookqueue import Queue, Waiting, messages_of, text_of
-from server.telemetryconfig import WebhookConfig
+from server.waysout import WayOut
 
 log = logging.getLogger(__name__)
 

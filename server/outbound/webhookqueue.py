@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from server.jsontext import dumps
-from server.outbound.counters import WayOut
+from server.waysout import WayOut
 
 FIRST_WAIT_S, LONGEST_WAIT_S = 1.0, 600.0
 

@@ -10,9 +10,9 @@ from jobs.job import ERROR_CODES, Status
 from server.api import create_app
 from server.api.messages import ROLES
 from server.api.routing import required_role
-from server.config import Config
+from server.config.model import Config
+from server.live.subscription import TOPICS
 from server.problems import CODES
-from server.subscription import TOPICS
 from tests.harness.docs import page, rows
 
 

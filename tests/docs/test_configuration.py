@@ -8,18 +8,18 @@ import pytest
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from server.auditconfig import AuditConfig
-from server.config import DEFAULT_DATA_DIR, MachineConfig, ServerConfig
-from server.configfile import describe
-from server.elvintoconfig import ElvintoConfig
-from server.grblconfig import GrblConfig
-from server.historyconfig import HistoryConfig
-from server.limitsconfig import LimitsConfig
-from server.motionconfig import MotionConfig
-from server.ncframeconfig import NcFrameConfig
-from server.reentryconfig import ReentryConfig
-from server.telemetryconfig import MdnsConfig, MqttConfig, MtconnectConfig, WebhookConfig
-from server.toolchangerconfig import ToolchangerConfig
+from server.config.audit import AuditConfig
+from server.config.elvinto import ElvintoConfig
+from server.config.file import describe
+from server.config.grbl import GrblConfig
+from server.config.history import HistoryConfig
+from server.config.limits import LimitsConfig
+from server.config.model import DEFAULT_DATA_DIR, MachineConfig, ServerConfig
+from server.config.motion import MotionConfig
+from server.config.ncframe import NcFrameConfig
+from server.config.reentry import ReentryConfig
+from server.config.telemetry import MdnsConfig, MqttConfig, MtconnectConfig, WebhookConfig
+from server.config.toolchanger import ToolchangerConfig
 from sim.faults import FaultRates
 from sim.options import (
     GRBL_KEYS,

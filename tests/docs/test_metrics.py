@@ -5,7 +5,7 @@ from typing import Any
 
 from prometheus_client.parser import text_string_to_metric_families
 
-from server.hub import Hub
+from server.live.hub import Hub
 from server.metrics import MachineMetrics, Refused, exposition
 from tests.harness.docs import page, rows
 

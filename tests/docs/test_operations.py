@@ -3,9 +3,9 @@
 import re
 
 from jobs.job import ERROR_CODES
-from server.doctorask import TRIES, Talk, ask
+from server.doctor.ask import TRIES, Talk, ask
 from server.problems import CODES
-from server.restoring import OLD
+from server.store.restoring import OLD
 from tests.harness.docs import ROOT, page, rows
 
 

@@ -4,12 +4,12 @@ import textwrap
 import time
 from typing import Any
 
+from server.config.telemetry import EVENTS
 from server.outbound.announcement import SERVICES, announcements
 from server.outbound.feed import Notice
 from server.outbound.mqtttopics import COMMANDS, Topics, job_payload
 from server.outbound.shdr import _EXECUTION_BY_JOB, _EXECUTION_BY_STATE, Condition, Device
 from server.outbound.webhookevents import Happened, body_of, headers_of
-from server.telemetryconfig import EVENTS
 from tests.harness.docs import page, rows, section
 
 

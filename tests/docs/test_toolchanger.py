@@ -43,7 +43,7 @@ def test_every_reason_is_documented() -> None:
 
 
 def test_everything_that_is_written_into_the_history_is_documented() -> None:
-    server = Path(__file__).parents[2] / "server"
-    code = "".join((server / name).read_text(encoding="utf-8") for name in ("changershell.py", "toolchanger.py"))
+    changer = Path(__file__).parents[2] / "server" / "changer"
+    code = "".join((changer / name).read_text(encoding="utf-8") for name in ("shell.py", "toolchanger.py"))
     documented = [kind for row in rows(page("toolchanger.md"), "type", "what") for kind in row[0].split()]
     assert sorted(documented) == sorted(set(re.findall(r'note\(\s*"(\w+)"', code)))

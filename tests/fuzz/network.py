@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from server import ws
+from server.api import ws
 from server.api.messages import CLIENT_MESSAGE, SocketQuery
 from server.jsontext import dumps
 from server.outbound.feed import Notice

@@ -17,8 +17,8 @@ from gcode.motion import Motion
 from gcode.profile import Profile, load_profile, profile_names
 from gcode.words import parse_block, parse_carefully
 from protocol.iocontrol import tooltable
-from server.config import Config
-from server.configfile import ConfigError, load
+from server.config.file import ConfigError, load
+from server.config.model import Config
 from tests.fuzz.wire import pieces
 
 FAULT_CHARS = 2000

@@ -1,6 +1,6 @@
 """A WebSocket client that speaks ASGI to an application directly: no network, no server, and it can stop reading.
 
-It offers the daemon's own extension as well (`server/wswire.py`), and reads its frames with a decoder of its own.
+It offers the daemon's own extension as well (`server/api/wswire.py`), and reads its frames with a decoder of its own.
 """
 
 import asyncio

@@ -17,8 +17,8 @@ from fastapi import FastAPI
 from server.api import create_app
 from server.api.services import Services
 from server.app import Workshop
-from server.config import Config
-from server.controller import Controller
+from server.config.model import Config
+from server.machine.controller import Controller
 from sim.changer.changer import VirtualChanger
 from sim.changer.settings import ChangerSettings
 from tests.harness.asgisocket import AsgiSocket

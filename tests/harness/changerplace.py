@@ -9,8 +9,8 @@ from typing import Any
 
 from jobs.effects import ToolAsk
 from jobs.toolstore import KeptTools
-from server.toolchanger import ToolChanger
-from server.toolchangerconfig import ToolchangerConfig
+from server.changer.toolchanger import ToolChanger
+from server.config.toolchanger import ToolchangerConfig
 
 CONNECTED = {"emc-enable-in": True}
 

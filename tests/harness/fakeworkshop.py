@@ -16,20 +16,20 @@ from fastapi import FastAPI
 from sqlite_utils import Database
 
 from jobs.schema import prepare
+from server.access.audit import Audit
+from server.access.tokens import TokenStore
 from server.api import create_app
 from server.api.machinemodels import MACHINE_EXAMPLE, ConsoleLine, FilesView
 from server.api.models import JOB_EXAMPLE, PROGRAM_ID, CheckView, ProgramView
 from server.api.routing import example_of
-from server.audit import Audit
+from server.background.dbthread import Db
 from server.clock import WallClock
-from server.dbthread import Db
-from server.hub import Hub
-from server.limitsconfig import LimitsConfig
+from server.config.limits import LimitsConfig
+from server.config.reentry import AS_CONFIGURED, ReentryWish
+from server.live.hub import Hub
 from server.metrics import MachineMetrics
-from server.outbound.counters import Counters
 from server.problems import ProblemError
-from server.reentryconfig import AS_CONFIGURED, ReentryWish
-from server.tokens import TokenStore
+from server.waysout import Counters
 
 BASE_URL = "http://127.0.0.1:8420"
 FIRST_SEQ = 1000

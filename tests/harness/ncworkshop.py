@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from server.app import Workshop
-from server.controller import Controller
+from server.machine.controller import Controller
 from sim.faults import FaultRates
 from sim.ncframe.machine import VirtualLathe
 from sim.ncframe.settings import SimSettings

@@ -13,8 +13,8 @@ import httpx
 
 from server.api import create_app
 from server.app import Workshop
-from server.controller import Controller
-from server.panel import Panel
+from server.machine.controller import Controller
+from server.machine.panel import Panel
 from server.problems import ProblemError
 from sim.grbl.simsettings import SimSettings
 from tests.harness.fakeworkshop import BASE_URL

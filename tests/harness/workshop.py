@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from server.app import Parts, Workshop
-from server.config import Config
-from server.dbthread import Connect, InlineDb, plainly
-from server.worker import InlineWorker
+from server.background.dbthread import Connect, InlineDb, plainly
+from server.background.worker import InlineWorker
+from server.config.model import Config
 from sim.elvinto.machine import VirtualElvinto
 from sim.elvinto.settings import SimSettings
 from sim.shell import MemoryLink, open_memory

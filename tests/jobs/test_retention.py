@@ -41,7 +41,7 @@ def in_order(db: Database) -> bool:
 
 
 def remove(db: Database, *, before: str | None = None, keep: int = 0) -> int:
-    """As server/retention.py does it; in how many pieces."""
+    """As server/store/retention.py does it; in how many pieces."""
     pieces = 0
     while jobs := retention.expired(db, ended_before=before, keep=keep):
         retention.condemn(db, jobs, at=NOW)

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from server.config import Config
-from server.configfile import load
+from server.config.file import load
+from server.config.model import Config
 from tests.harness.docs import ROOT, page
 
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))

@@ -10,7 +10,7 @@ import pytest
 
 from server.api.clientaddress import FORWARDED_FOR, FORWARDED_PROTO
 from server.cli import build
-from server.configfile import load
+from server.config.file import load
 from server.notify import PINGS_PER_TIMEOUT
 from tests.harness.docs import ROOT, page
 

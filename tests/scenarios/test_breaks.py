@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import pytest
 
-from server.jobstream import JobStream
+from server.machine.jobstream import JobStream
 from server.problems import ProblemError
 from sim.elvinto.settings import SimSettings
 from tests.harness.simloop import run_simulated, until

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from server.app import Workshop
-from server.controller import Controller
+from server.machine.controller import Controller
 from server.problems import ProblemError
 from tests.harness.grblworkshop import GrblBench
 from tests.scenarios.test_grbl_jobs import simulated, state_is

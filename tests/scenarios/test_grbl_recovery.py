@@ -10,8 +10,8 @@ import httpx
 import pytest
 
 from server.api import create_app, recovermodels
-from server.controller import Controller
-from server.takingup import TakingUp
+from server.job.takingup import TakingUp
+from server.machine.controller import Controller
 from sim.grbl.simsettings import SimSettings
 from tests.harness.grblworkshop import GrblBench
 from tests.harness.simloop import run_simulated, until

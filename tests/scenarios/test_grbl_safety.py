@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from server.app import Workshop
-from server.controller import Controller
+from server.machine.controller import Controller
 from server.problems import ProblemError
 from sim.grbl.simsettings import SimSettings
 from tests.harness.grblworkshop import GrblBench

@@ -18,9 +18,9 @@ from sqlite_utils import Database
 
 from jobs import history, seals
 from jobs.schema import prepare
-from server import sealing
-from server.dbthread import opened, plainly
-from server.reentryconfig import ReentryWish
+from server.background.dbthread import opened, plainly
+from server.config.reentry import ReentryWish
+from server.store import sealing
 from sim.elvinto.settings import SimSettings
 from tests.harness.effort import LONG
 from tests.harness.grblworkshop import GrblBench

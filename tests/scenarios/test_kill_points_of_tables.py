@@ -21,9 +21,10 @@ from jobs import backups, history, holds, journal, retention, seals, store, tool
 from jobs.effects import Entry, MarkBatch, RowStatus, SetStatus
 from jobs.job import Status
 from jobs.seals import Digest
-from server import audit, restoring, tokens
-from server.archive import Manifest
-from server.dbthread import in_transaction, opened, plainly
+from server.access import audit, tokens
+from server.background.dbthread import in_transaction, opened, plainly
+from server.store import restoring
+from server.store.archive import Manifest
 from tests.harness.effort import LONG
 from tests.harness.fakes import batch
 from tests.harness.mortaldb import Fate, KilledError

@@ -16,7 +16,7 @@ from gcode.ncframe.reader import FrameReader
 from gcode.ncframe.rules import FrameRules
 from gcode.profile import load_profile
 from server.app import Workshop
-from server.controller import Controller
+from server.machine.controller import Controller
 from server.problems import ProblemError
 from sim.faults import FaultRates
 from sim.ncframe.settings import SimSettings

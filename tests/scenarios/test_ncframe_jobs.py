@@ -9,7 +9,7 @@ import pytest
 
 from server.api import create_app
 from server.app import Workshop
-from server.controller import Controller
+from server.machine.controller import Controller
 from server.problems import ProblemError
 from sim.ncframe.settings import SimSettings
 from tests.harness.ncworkshop import NcBench, simulated, stands

@@ -13,8 +13,8 @@ import uvicorn
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from server.subscription import QUEUE_LIMIT
-from server.wswire import WireProtocol
+from server.api.wswire import WireProtocol
+from server.live.subscription import QUEUE_LIMIT
 from tests.harness.fakeworkshop import FakeWorkshop, bearer
 
 pytestmark = pytest.mark.real

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from server import archive
-from server.restoring import restore
+from server.store import archive
+from server.store.restoring import restore
 from tests.harness.simloop import run_simulated
 from tests.harness.workshop import MACHINE, Bench
 

@@ -1,6 +1,6 @@
 """A disk that fills, a damaged database, a clock that jumps: a clear message, nothing lost, and it goes on.
 
-A port that vanishes is in test_unplug.py and test_breaks.py, a wrong configuration in tests/server/test_configfile.py,
+A port that vanishes is in test_unplug.py and test_breaks.py, a wrong configuration in tests/server/config/test_file.py,
 the power in test_kill_points.py. The judge is what the machine executed.
 """
 
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from server.dbthread import opened, plainly
+from server.background.dbthread import opened, plainly
 from server.problems import ProblemError
 from tests.harness.process import ENVIRON, MILLSTREAM, daemon, sim_process
 from tests.harness.process import MACHINE as MILL

@@ -12,9 +12,9 @@ import pytest
 
 from jobs.job import ERROR_CODES
 from server.app import Workshop
-from server.changershell import ABORTS
-from server.controller import Controller
-from server.hub import Filter
+from server.changer.shell import ABORTS
+from server.live.hub import Filter
+from server.machine.controller import Controller
 from server.problems import ProblemError
 from sim.elvinto.settings import SimSettings as SimSettingsElvinto
 from sim.grbl.simsettings import SimSettings

@@ -7,7 +7,7 @@ import pytest
 
 from jobs import history
 from server.app import build
-from server.config import Config
+from server.config.model import Config
 from tests.harness.simloop import run_simulated
 from tests.harness.workshop import MACHINE, Bench, one_chunk
 

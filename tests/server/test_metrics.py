@@ -2,9 +2,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from prometheus_client.parser import text_string_to_metric_families
 
-from server.hub import Hub
+from server.live.hub import Hub
+from server.live.subscription import Filter
 from server.metrics import BATCH_BUCKETS_S, Histogram, MachineMetrics, exposition
-from server.subscription import Filter
 from tests.harness.fakeworkshop import FakeMachine
 from tests.harness.simloop import run_simulated as run
 

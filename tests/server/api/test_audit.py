@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
+from server.access.audit import Wanted
+from server.access.ratelimit import BURST
 from server.api.accessmodels import AuditView
-from server.audit import Wanted
 from server.problems import ProblemError
-from server.ratelimit import BURST
 from tests.harness.asgisocket import AsgiSocket
 from tests.harness.fakeworkshop import FakeServerSettings, FakeWorkshop, bearer
 from tests.harness.simloop import run_simulated as run

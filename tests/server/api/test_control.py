@@ -6,8 +6,8 @@ from typing import Any
 
 import httpx
 
+from server.access.lease import LEASE_S
 from server.api.routing import BY_HAND_ATTRIBUTE
-from server.lease import LEASE_S
 from server.problems import ProblemError
 from tests.harness.asgisocket import AsgiSocket
 from tests.harness.fakeworkshop import FakeServerSettings, FakeWorkshop, bearer

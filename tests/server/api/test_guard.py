@@ -7,8 +7,8 @@ import pytest
 from starlette.datastructures import Headers
 from starlette.types import Message, Receive, Scope, Send
 
+from server.access.auth import LOCAL_USER, Principal
 from server.api.guard import Guard, HostRule, bearer, hostname, session_cookie
-from server.auth import LOCAL_USER, Principal
 from tests.harness.asgisocket import AsgiSocket
 from tests.harness.fakeworkshop import FakeServerSettings, FakeWorkshop
 from tests.harness.fakeworkshop import bearer as with_token

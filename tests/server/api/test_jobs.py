@@ -3,7 +3,7 @@ from typing import Any
 import pytest
 
 from server.api.models import PROGRAM_ID, JobView
-from server.reentryconfig import ReentryWish
+from server.config.reentry import ReentryWish
 from tests.harness.fakeworkshop import FakeWorkshop
 from tests.harness.simloop import run_simulated as run
 

@@ -5,7 +5,7 @@ import pytest
 
 from server.api.machinemodels import MAX_BLOCK_CHARS, MAX_BLOCKS, ConsoleLine, FilesView, MachineView, StateView
 from server.api.routing import PIECE_VALUES
-from server.limitsconfig import LimitsConfig
+from server.config.limits import LimitsConfig
 from server.problems import ProblemError
 from tests.harness.fakeworkshop import FakeConfig, FakeWorkshop
 from tests.harness.simloop import run_simulated as run

@@ -12,8 +12,8 @@ from fastapi import FastAPI
 from starlette.responses import Response
 from starlette.routing import BaseRoute
 
+from server.access.auth import Role
 from server.api.routing import MAX_BODY_BYTES, RoleRoute, Routes, UndeclaredRoleError, example_of, required_role
-from server.auth import Role
 from tests.harness.asgisocket import AsgiSocket
 from tests.harness.fakeworkshop import BASE_URL, FakeWorkshop, bearer
 from tests.harness.simloop import run_simulated as run

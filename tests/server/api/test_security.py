@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
+from server.access.auth import Role
+from server.access.tokens import create_token
 from server.api.guard import SAFE_METHODS, SECURITY_HEADERS, SESSION_COOKIE
-from server.auth import Role
-from server.tokens import create_token
 from tests.harness.asgisocket import AsgiSocket
 from tests.harness.fakeworkshop import FakeServerSettings, FakeWorkshop
 from tests.harness.simloop import run_simulated as run
@@ -169,7 +169,7 @@ def carries_what_every_answer_carries(path: str, headers: dict[str, str]) -> Non
         ("GET", "/", 200),
         ("GET", "/web/app.js", 200),
         ("GET", "/nowhere", 404),
-        ("GET", "/web/../server/auth.py", 404),
+        ("GET", "/web/../server/access/auth.py", 404),
         ("GET", "/web/%2e%2e/pyproject.toml", 404),
         ("GET", "/web//etc/passwd", 404),
         ("GET", "/web/app.js\x00.png", 404),

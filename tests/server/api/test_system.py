@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from server.access.audit import MAX_PENDING
+from server.access.ratelimit import BURST
 from server.api.webfiles import web_files
-from server.audit import MAX_PENDING
-from server.hub import utc_now
-from server.ratelimit import BURST
+from server.clock import utc_now
 from tests.harness.fakeworkshop import FakeWorkshop
 from tests.harness.simloop import run_simulated as run
 

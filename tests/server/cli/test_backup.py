@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from server.cli.settings import sole_daemon
-from server.config import Config
+from server.config.model import Config
 from tests.server.cli.conftest import Outcome, Run
-from tests.server.test_archive import Data
+from tests.server.store.test_archive import Data
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from server import doctorsystem
-from server.doctor import Doctor
+from server.doctor import system as doctorsystem
+from server.doctor.doctor import Doctor
 from sim.elvinto.settings import SimSettings
 from tests.server.cli.conftest import Run
-from tests.server.test_doctor import Lines
-from tests.server.test_doctorask import SimLine
+from tests.server.doctor.test_ask import SimLine
+from tests.server.doctor.test_doctor import Lines
 
 
 @pytest.fixture(autouse=True)

@@ -16,7 +16,7 @@ import pytest
 from server.cli.common import CliError
 from server.cli.serve import TURN_S, address, bind, favour_the_stream
 from server.cli.settings import sole_daemon
-from server.config import Config, ServerConfig
+from server.config.model import Config, ServerConfig
 from tests.server.cli.conftest import Run
 
 MACHINE = '[[machine]]\nname = "mill"\nport = "sim:?speed_factor=20"\n'

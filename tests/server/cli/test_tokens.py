@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from sqlite_utils import Database
 
-from server.audit import faults
+from server.access.audit import faults
 from tests.server.cli.conftest import Outcome, Run
 
 

@@ -3,7 +3,7 @@
 from collections import Counter
 from xml.etree import ElementTree as ET
 
-from server.config import MachineConfig
+from server.config.model import MachineConfig
 from server.outbound.devicemodel import NAMESPACE, axes_of, described, devices_xml
 from server.outbound.shdr import Condition, Device
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from server.hub import Hub
+from server.live.hub import Hub
+from server.live.subscription import QUEUE_LIMIT
+from server.live.textframe import text_frame
 from server.outbound.feed import Feed, Notice, texts
-from server.subscription import QUEUE_LIMIT
-from server.textframe import text_frame
 from tests.harness.simloop import LoopClock, run_simulated
 
 STANDING = Notice("state", "router", "t", {"status": "idle"}, fresh=True)

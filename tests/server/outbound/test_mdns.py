@@ -9,9 +9,9 @@ from zeroconf import NonUniqueNameException, ServiceInfo
 
 from server.outbound import mdns
 from server.outbound.announcement import Announcement, announcements
-from server.outbound.counters import WayOut
 from server.outbound.mdns import LOOK_EVERY_S, Announcer, info_of, own_addresses, register
 from server.outbound.tasks import end
+from server.waysout import WayOut
 from tests.harness.simloop import run_simulated
 
 

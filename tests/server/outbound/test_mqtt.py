@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from server.hub import Hub
+from server.config.telemetry import MqttConfig
+from server.live.hub import Hub
 from server.outbound import mqtt
-from server.outbound.counters import WayOut
 from server.outbound.feed import Feed, Notice
 from server.outbound.mqtt import Bridge, tls_context
 from server.problems import ProblemError
-from server.telemetryconfig import MqttConfig
+from server.waysout import WayOut
 from tests.harness.mqttbroker import Broker
 from tests.server.outbound.test_shdr import AT, JOB, STATE
 

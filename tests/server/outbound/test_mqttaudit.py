@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
+from server.access.audit import Wanted
 from server.app import build
-from server.audit import Wanted
-from server.config import Config
+from server.config.model import Config
+from server.config.telemetry import MqttConfig
 from server.outbound.mqttaudit import asked_by_broker
 from server.outbound.service import Outbound
 from server.problems import ProblemError
-from server.telemetryconfig import MqttConfig
 from tests.harness.mqttbroker import Broker
 
 

@@ -3,9 +3,9 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.outbound.counters import WayOut
 from server.outbound.mqttoutbox import Outbox
 from server.outbound.mqtttopics import Post
+from server.waysout import WayOut
 
 
 def drained(outbox: Outbox) -> list[str]:

@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from server.hub import Hub
-from server.outbound.counters import WayOut
+from server.live.hub import Hub
 from server.outbound.feed import Feed, Notice
 from server.outbound.mtconnect import MAX_LINE_BYTES, MAX_UNSENT_BYTES, SILENT_S, Adapter, Agent, fresh_devices
 from server.outbound.shdr import PONG
+from server.waysout import WayOut
 from tests.harness.simloop import run_simulated
 from tests.server.outbound.test_shdr import AT, JOB, STATE
 

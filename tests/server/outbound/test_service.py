@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from server.config import Config
-from server.hub import Hub
+from server.config.model import Config
+from server.live.hub import Hub
 from server.outbound import errors, service
-from server.outbound.counters import Counters
 from server.outbound.errors import OutboundError
 from server.outbound.service import Outbound
+from server.waysout import Counters
 from tests.harness.mqttbroker import Broker
 from tests.server.outbound.test_shdr import JOB, STATE
 

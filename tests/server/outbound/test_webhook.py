@@ -10,15 +10,15 @@ from typing import Any
 import httpx
 import pytest
 
-from server.hub import Hub
+from server.config.telemetry import WebhookConfig
+from server.live.hub import Hub
 from server.outbound import webhook
-from server.outbound.counters import WayOut
 from server.outbound.feed import Feed, Notice
 from server.outbound.tasks import end
 from server.outbound.webhook import FileStore, Hook, HttpPost
 from server.outbound.webhookevents import Happened
 from server.outbound.webhookqueue import Waiting
-from server.telemetryconfig import WebhookConfig
+from server.waysout import WayOut
 from tests.harness.simloop import LoopClock, run_simulated
 from tests.server.outbound.test_shdr import AT, JOB
 

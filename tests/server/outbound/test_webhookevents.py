@@ -5,10 +5,10 @@ import hmac
 import json
 from typing import Any
 
+from server.config.telemetry import EVENTS
 from server.outbound import webhookevents
 from server.outbound.feed import Notice
 from server.outbound.webhookevents import Happened, Watcher, body_of, headers_of
-from server.telemetryconfig import EVENTS
 from tests.server.outbound.test_shdr import AT, JOB, STATE
 
 ALARM = {"code": 1, "axis": "x", "message": "Hard limit"}

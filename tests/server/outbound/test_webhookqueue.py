@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.outbound.counters import WayOut
 from server.outbound.webhookqueue import LONGEST_WAIT_S, Queue, Waiting, messages_of, text_of
+from server.waysout import WayOut
 
 
 def queue(counted: WayOut, limit: int = 3, give_up_after_s: float = 100.0) -> Queue:

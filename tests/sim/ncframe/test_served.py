@@ -6,7 +6,7 @@ from protocol.commands import SendBatch
 from protocol.events import BatchDone, Event, LinkReady, ProtocolFault
 from protocol.ncframe.dialect import Dialect
 from protocol.ncframe.engine import NcFrameEngine
-from server.link import Link
+from server.machine.link import Link
 from sim.kinds import build
 from sim.options import lathe_options_from_query
 from sim.shell import open_memory

@@ -1,0 +1,1 @@
+"""Jobs above the machines: the queue, the start, and going on after an interruption."""

@@ -1,0 +1,1 @@
+"""Events on their way to the readers: who gets what, and when."""

@@ -1,0 +1,1 @@
+"""Programs on disk: their uploads, checks, drawings, and the way from a program to a planner."""
