@@ -152,6 +152,11 @@ class Workshop:
             if controller.config.autoconnect:
                 await controller.connect()
 
+    def say_farewell(self) -> None:
+        """The daemon is going to stop: what ends its connections now is the daemon itself."""
+        for controller in self.machines.values():
+            controller.tools.say_farewell()
+
     async def stop(self) -> None:
         """Close the ports, make everything durable. What is in flight is settled at the next start (elvinto §5.4)."""
         for controller in self.machines.values():

@@ -110,7 +110,7 @@ class ChangerShell:
         self._connection: object = None
         self._timer: asyncio.TimerHandle | None = None
         self._draining = False
-        self._closed = self._ending = False
+        self._closed = self._ending = self._farewell = False
         self._pins: dict[str, bool | int] = {}
         self._step = 0
         self._again: tuple[int, int | None] | None = None

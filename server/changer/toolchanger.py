@@ -111,8 +111,14 @@ class ToolChanger(ChangerShell):
         """A connection has ended: if it was the changer's, the changer is gone."""
         if by is self._connection:
             self._connection = None
+            if self._farewell:
+                return
             with self._verb() as now:
                 self.io.disconnect(now)
+
+    def say_farewell(self) -> None:
+        """The daemon is going to end its connections: none of those is lost, and no fault is latched for it (§2)."""
+        self._farewell = True
 
     async def events(self, after: int = 0) -> list[dict[str, Any]]:
         """What happened here, with a job or without: those with an `id` above `after`, oldest first."""

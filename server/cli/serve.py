@@ -147,9 +147,12 @@ class _Server(uvicorn.Server):
 class RunningDaemon:
     """A daemon that serves. `url` is its address for people."""
 
-    def __init__(self, server: _Server, serving: asyncio.Task[None], url: str) -> None:
+    def __init__(
+        self, server: _Server, serving: asyncio.Task[None], url: str, say_farewell: Callable[[], None]
+    ) -> None:
         self._server = server
         self._serving = serving
+        self._say_farewell = say_farewell
         self.url = url
 
     async def started(self) -> None:
@@ -164,6 +167,7 @@ class RunningDaemon:
 
     def stop(self) -> None:
         """Ask it to stop; the second time it does not wait for requests under way."""
+        self._say_farewell()
         self._server.force_exit = self._server.should_exit
         self._server.should_exit = True
 
@@ -184,7 +188,8 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
         await workshop.start()
         try:
             server = _Server(_uvicorn_config(app, config))
-            daemon = RunningDaemon(server, asyncio.create_task(server.serve(sockets=[listener])), address(listener))
+            serving = asyncio.create_task(server.serve(sockets=[listener]))
+            daemon = RunningDaemon(server, serving, address(listener), workshop.say_farewell)
             on_stop_signal(daemon.stop)
             await daemon.started()
             async with _beside(workshop), outbound.running(workshop, listener):

@@ -101,6 +101,15 @@ def test_the_first_words_of_a_connection_are_all_levels_and_its_end_is_the_chang
     assert (pins["tool-prepared"], place.changer.io.connected) == (False, True)
 
 
+def test_a_connection_that_the_ending_daemon_closes_is_not_lost() -> None:
+    place = Place(kind="external", start_in_estop=False)
+    one = object()
+    place.changer.drive(CONNECTED, by=one)
+    place.changer.say_farewell()
+    place.changer.leave(one)
+    assert (place.of("tool_fault"), place.changer.io.faulted) == ([], False)
+
+
 @pytest.mark.parametrize(
     ("status", "code", "reason"),
     [
