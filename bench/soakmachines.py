@@ -219,6 +219,9 @@ class Changer(Elvinto):
         # Also with a job under way: it waits for the changer, whose e-stop holds since the daemon began.
         await people.asks("POST", f"{WORKSHOP}/reset", 202)
         await until(lambda: machine.tools.io.start_refusal is None, within_s=SETTLED_S)
+        # It went while the daemon before still lived: that fault is latched until somebody has looked.
+        if machine.tools.io.may_clear_fault:
+            await people.asks("POST", f"{WORKSHOP}/tool/clear-fault", 200, 202, 204)
 
     async def left(self) -> None:
         if self._wired is not None and self._socket is not None:
