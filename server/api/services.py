@@ -20,7 +20,7 @@ Json = dict[str, Any]
 
 
 class MachineControl(Protocol):
-    """One machine (`server.controller.Controller`). What is not async answers at once and never waits."""
+    """One machine (`server.machine.controller.Controller`). What is not async answers at once and never waits."""
 
     @property
     def metrics(self) -> MachineMetrics: ...
@@ -48,7 +48,7 @@ class MachineControl(Protocol):
 
 
 class SettingsControl(Protocol):
-    """The settings of one controller (`server.storedsettings.StoredSettings`)."""
+    """The settings of one controller (`server.machine.storedsettings.StoredSettings`)."""
 
     async def all(self) -> Json: ...
     async def change(self, values: Mapping[int, str], *, by: str) -> Json: ...
@@ -58,7 +58,7 @@ class SettingsControl(Protocol):
 
 
 class SwitchesControl(Protocol):
-    """What is pressed at one controller (`server.switches.Switches`)."""
+    """What is pressed at one controller (`server.machine.switches.Switches`)."""
 
     def override(self, wishes: dict[Literal["feed", "rapid", "spindle"], int]) -> Json: ...
     async def coolant(self, wishes: dict[Literal["flood", "mist"], bool]) -> Json: ...
@@ -67,7 +67,7 @@ class SwitchesControl(Protocol):
 
 
 class PanelControl(Protocol):
-    """What is read, written and pressed at one controller beside its jobs (`server.panel.Panel`)."""
+    """What is read, written and pressed at one controller beside its jobs (`server.machine.panel.Panel`)."""
 
     @property
     def settings(self) -> SettingsControl: ...
@@ -89,7 +89,7 @@ class PanelControl(Protocol):
 
 
 class ChangerControl(Protocol):
-    """The tool changer of one machine (`server.toolchanger.ToolChanger`)."""
+    """The tool changer of one machine (`server.changer.toolchanger.ToolChanger`)."""
 
     def io_view(self) -> Json: ...
     async def events(self, after: int = 0) -> Sequence[Json]: ...
@@ -103,7 +103,7 @@ class ChangerControl(Protocol):
 
 
 class Jobs(Protocol):
-    """The queue and the history (`server.jobservice.JobService`)."""
+    """The queue and the history (`server.job.service.JobService`)."""
 
     async def create(
         self,
@@ -139,7 +139,7 @@ class Jobs(Protocol):
 
 
 class ToolpathFile(Protocol):
-    """One level of the drawing of a program (`server.toolpaths.Toolpath`). `open`: how many bytes, and the bytes."""
+    """One level of the drawing of a program (`server.programs.toolpaths.Toolpath`). `open`: their number, and the bytes."""
 
     @property
     def etag(self) -> str: ...
@@ -147,7 +147,7 @@ class ToolpathFile(Protocol):
 
 
 class Programs(Protocol):
-    """The programs (`server.programservice.ProgramService`)."""
+    """The programs (`server.programs.service.ProgramService`)."""
 
     async def store(self, chunks: AsyncIterator[bytes], name: str) -> tuple[Json, bool]: ...
     async def list(self) -> Sequence[Json]: ...
@@ -175,7 +175,7 @@ class ServerSettings(Protocol):
 
 
 class Settings(Protocol):
-    """`server.config.Config`."""
+    """`server.config.model.Config`."""
 
     @property
     def server(self) -> ServerSettings: ...

@@ -74,7 +74,7 @@ ABORTS: Mapping[str, AbortReason] = {
 
 
 class Job(Protocol):
-    """The job's side (`server.jobstream.JobStream`)."""
+    """The job's side (`server.machine.jobstream.JobStream`)."""
 
     def hear_changer(self, tell: Callable[[Runner], list[Effect]]) -> None: ...
     def tool_free(self, *, motion_allowed: bool) -> None: ...

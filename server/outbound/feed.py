@@ -36,7 +36,7 @@ class Notice:
 
 
 class Shown(Protocol):
-    """What is read of a machine (`server.controller.Controller`)."""
+    """What is read of a machine (`server.machine.controller.Controller`)."""
 
     def view(self) -> dict[str, Any]: ...
     @property
@@ -80,11 +80,11 @@ class Feed:
 
     @property
     def takes(self) -> bool:
-        """Whether there is room (`server.fanout.Outlet`)."""
+        """Whether there is room (`server.live.fanout.Outlet`)."""
         return self._held_bytes < HELD_BYTES
 
     def write(self, data: bytes) -> None:
-        """What the hub hands over (`server.fanout.Outlet`)."""
+        """What the hub hands over (`server.live.fanout.Outlet`)."""
         self._held.extend(texts(data))
         self._held_bytes += len(data)
         self._arrived.set()

@@ -35,7 +35,7 @@ COMMANDS_WAITING = 16
 
 
 class Obeys(Protocol):
-    """A machine, as far as a broker may ask something of it (`server.controller.Controller`)."""
+    """A machine, as far as a broker may ask something of it (`server.machine.controller.Controller`)."""
 
     def pause(self) -> None: ...
     def stop(self) -> None: ...

@@ -29,7 +29,7 @@ class Reading(asyncio.Event):
 
 
 class _Wire:
-    """The frames' way out (`server.wswire.Wire`)."""
+    """The frames' way out (`server/api/wswire.py`)."""
 
     def __init__(self, reading: Reading, heard: asyncio.Queue[Message]) -> None:
         self._reading = reading
@@ -152,10 +152,12 @@ class AsgiSocket:
     async def _next(self) -> Message:
         assert self._task is not None
         getting = asyncio.ensure_future(self._from_app.get())
-        await asyncio.wait([getting, self._task], return_when=asyncio.FIRST_COMPLETED)
-        if getting.done():
-            return getting.result()
-        getting.cancel()
+        try:
+            await asyncio.wait([getting, self._task], return_when=asyncio.FIRST_COMPLETED)
+            if getting.done():
+                return getting.result()
+        finally:
+            getting.cancel()
         self._task.result()
         raise AssertionError("the application ended without a word")
 

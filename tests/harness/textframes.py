@@ -33,7 +33,7 @@ def messages(data: bytes) -> list[Any]:
 
 
 class Ear:
-    """The outlet of one reader (`server.fanout.Outlet`): what it hears, and it can stop reading."""
+    """The outlet of one reader (`server.live.fanout.Outlet`): what it hears, and it can stop reading."""
 
     def __init__(self) -> None:
         self.takes = True
