@@ -139,7 +139,7 @@ class Jobs(Protocol):
 
 
 class ToolpathFile(Protocol):
-    """One level of the drawing of a program (`server.programs.toolpaths.Toolpath`). `open`: their number, and the bytes."""
+    """One level of a drawing (`server.programs.toolpaths.Toolpath`). `open`: their number, and the bytes."""
 
     @property
     def etag(self) -> str: ...
