@@ -66,6 +66,7 @@ ABORTS: Mapping[str, AbortReason] = {
             "program_missing",
             "no_tool_word",
             "tool_change_failed",
+            "internal",
         ),
         AbortReason.TASK_EXEC_ERROR,
     ),

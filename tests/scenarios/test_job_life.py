@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from jobs.feed import BatchSource
+from jobs.runner import Runner
 from server.problems import ProblemError
 from sim.elvinto.gcode import ERR_UNKNOWN_CODE, BlockError
 from sim.elvinto.settings import SimSettings
@@ -57,9 +58,9 @@ def test_a_thousand_pages_of_comments_do_not_keep_the_loop(tmp_path: Path) -> No
         turns, pieces = shop.machines[MACHINE].stream._turns, []
         read = turns._read
 
-        def counted(source: BatchSource) -> Any:
+        def counted(runner: Runner, source: BatchSource) -> Any:
             pieces.append(True)
-            return read(source)
+            return read(runner, source)
 
         turns._read = counted  # type: ignore[method-assign]
         view = await bench.status(job["id"], "completed")

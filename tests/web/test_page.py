@@ -97,7 +97,9 @@ def test_it_speaks_three_languages_and_remembers_which(person: Screen) -> None:
     person.page.reload()
     expect(person.named("status")).to_have_text("Готов")
     expect(person.page.locator("html")).to_have_attribute("lang", "ru")
-    assert not re.search(r"\b[a-z_]+\.[a-z_]+\b", person.page.locator("main").inner_text()), "a key without words"
+    assert not re.search(r"\b[a-z_]+\.(?!nc\b)[a-z_]+\b", person.page.locator("main").inner_text()), (
+        "a key without words"
+    )
 
 
 def test_light_and_dark_have_contrast_and_nobody_is_moved_who_does_not_want_to_be(person: Screen) -> None:
