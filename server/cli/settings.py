@@ -71,4 +71,15 @@ def sole_daemon(config: Config, *, restoring: bool = False) -> Iterator[None]:
         if (folder / INCOMPLETE).exists() and not restoring:
             advice = "Run it again: millstream restore FILE --force"
             raise CliError(ExitCode.FAILED, f"{folder}: a restore was broken off in the middle. {advice}")
+        if not restoring:
+            _check_not_lost(config)
         yield
+
+
+def _check_not_lost(config: Config) -> None:
+    """SQLite takes an empty file for a new database, and a power loss can leave one behind: the daemon would begin anew
+    without a word, with tokens and jobs gone. Programs get there only through a database. Raises CliError."""
+    path, programs = config.server.database_path, config.server.programs_dir
+    if (not path.exists() or path.stat().st_size == 0) and any(programs.glob("*.nc")):
+        advice = f"Restore a backup (millstream restore FILE --force), or move {programs} away to begin anew."
+        raise CliError(ExitCode.FAILED, f"{path}: the database is gone, and there are programs of it. {advice}")

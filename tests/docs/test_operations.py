@@ -33,6 +33,7 @@ def test_messages_of_a_start_that_fails_are_those_of_the_code() -> None:
     for said in (
         "another millstream daemon works here",
         "a restore was broken off in the middle",
+        "the database is gone, and there are programs of it",
         "others on the network can reach, and there is no token yet",
         "the database cannot be used: ",
     ):

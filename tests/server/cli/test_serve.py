@@ -89,6 +89,19 @@ def test_a_data_directory_has_one_daemon(millstream: Run, tmp_path: Path) -> Non
     assert "another millstream daemon works here" in outcome.err
 
 
+@pytest.mark.parametrize("left", [b"", None])
+def test_programs_without_their_database_are_no_beginning(tmp_path: Path, left: bytes | None) -> None:
+    config = Config(server=ServerConfig(data_dir=tmp_path))
+    if left is not None:
+        config.server.database_path.write_bytes(left)
+    with sole_daemon(config):
+        pass
+    config.server.programs_dir.mkdir()
+    (config.server.programs_dir / f"{'0' * 64}.nc").write_bytes(b"M30\n")
+    with pytest.raises(CliError, match=r"the database is gone.*millstream restore FILE"), sole_daemon(config):
+        pytest.fail("it would have begun anew")
+
+
 def test_a_host_that_nobody_knows_is_told_as_such() -> None:
     with pytest.raises(CliError, match=r"no-such-host\.invalid: this name is not known. Set server\.host"):
         bind("no-such-host.invalid", 0)
