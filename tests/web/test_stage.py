@@ -29,7 +29,7 @@ BAND = """() => {
 }"""
 ROUND = 250
 """Messages: so many states, a tenth of that for the job, and as many lines of the console."""
-ROUNDS = 4
+ROUNDS = 7
 MOST_GROWTH_BYTES = 150
 """A message, in the later rounds. What a page kept of each would be more: a state is 600 bytes as text."""
 
