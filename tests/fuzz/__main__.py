@@ -31,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="make fuzz", description="Fuzz the parsers.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(HARNESSES)}; none: all")
     parser.add_argument("--minutes", type=float, default=1.0, help="for each of them")
+    parser.add_argument("--rounds", type=int, help=f"so many of {EXAMPLES} inputs each, however long they take")
     parser.add_argument("--seed", type=int, default=random.randrange(1 << 32), help="to repeat a run")
     parser.add_argument("--engine", choices=["hypothesis", "atheris"], default="hypothesis")
     given_ = parser.parse_args(arguments)
@@ -39,12 +40,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     names = given_.names or list(HARNESSES)
     if given_.engine == "atheris":
         return _guided(names, given_.minutes)
-    return max(_tried(name, given_.minutes, given_.seed) for name in names)
+    return max(_tried(name, given_.minutes, given_.seed, given_.rounds) for name in names)
 
 
-def _tried(name: str, minutes: float, first_seed: int) -> int:
+def _tried(name: str, minutes: float, first_seed: int, rounds: int | None = None) -> int:
     until, round_, inputs_tried = time.monotonic() + 60 * minutes, 0, 0
-    while time.monotonic() < until:
+    while time.monotonic() < until if rounds is None else round_ < rounds:
         last, count, error = _round(name, first_seed + round_)
         inputs_tried, round_ = inputs_tried + count, round_ + 1
         if error is not None:

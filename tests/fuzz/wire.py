@@ -92,7 +92,7 @@ def ncframe(data: bytes) -> None:
         reading = answers.read(data, counter=counter)
         if reading is not None and reading.count is not None:
             assert counter
-            assert 0 <= reading.count <= 0xFFFF
+            assert 0 <= reading.count < 1 << 8 * codec.COUNT_BYTES
             assert answers.read(data, counter=counter, plausible=frozenset({reading.count})) is not None
         assert answers.console(data[:100], counter=counter).isascii()
 
