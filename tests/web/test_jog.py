@@ -78,6 +78,7 @@ def test_keys_move_only_while_the_keyboard_is_armed(person: Screen, mill: Daemon
     expect(person.named("arm")).to_have_attribute("aria-pressed", "true")
     person.page.keyboard.press("ArrowRight")
     until(lambda: at(mill)["x"] == before["x"] + 1)
+    until(lambda: axis(person, "x") == f"{before['x'] + 1:.3f}")  # else `idle` may be that of before
     person.status("idle")
     person.page.keyboard.press("PageUp")
     until(lambda: at(mill)["z"] == before["z"] + 1)
