@@ -41,6 +41,7 @@ def install(app: FastAPI, services: Services) -> None:
     _create(app, services)
     _views(app, services)
     _actions(app, services)
+    _places(app, services)
     _journal(app, services)
 
 
@@ -158,6 +159,12 @@ def _actions(app: FastAPI, services: Services) -> None:
     async def rerun_job(id: JobId) -> Response:
         job = await services.jobs.rerun(id)
         return json_response(job, 201, {"Location": f"/api/v1/jobs/{job['id']}"})
+
+
+def _places(app: FastAPI, services: Services) -> None:
+    """Where a job stands in the queue, and where in its program it goes on."""
+    routes = Routes(app, "jobs")
+    refusals = ("unknown_job", "wrong_state")
 
     @routes.add(
         "POST",

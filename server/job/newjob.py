@@ -37,6 +37,17 @@ async def checked(programs: ProgramService, program_id: str, machine: str, mode:
     return Checked(await programs.expanded(program), program_id, report, stored)
 
 
+def of_program(checked: Checked) -> Row:
+    """What a job's row has of its program."""
+    program = checked.program
+    return {
+        "program": program["id"],
+        "program_name": program["name"],
+        "lines": program["lines"],
+        "total_seconds": checked.report["seconds"],
+    }
+
+
 def same_request(row: Row, request_hash: str) -> Row:
     """The row, where it was made by this request. Raises ProblemError where by another."""
     if row["request_hash"] != request_hash:

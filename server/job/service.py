@@ -187,16 +187,13 @@ class JobService:
             self._starter.check_line(machine, first)
             fields = {
                 "machine": machine,
-                "program": checked.program["id"],
+                **newjob.of_program(checked),
                 "source_program": source_program or checked.source,
-                "program_name": checked.program["name"],
                 **newjob.held(controller, asked=hold),
                 "note": note,
                 "forced": force,
                 "start_line": first,
                 "end_line": last,
-                "lines": checked.program["lines"],
-                "total_seconds": checked.report["seconds"],
                 "idempotency_key": idempotency_key,
                 "request_hash": request_hash,
                 "rerun_of": rerun_of,

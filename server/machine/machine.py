@@ -92,7 +92,7 @@ class Machine:
         self.control: dict[str, Any] | None = None
         self._hub = hub
         self._clock = clock
-        self._loop = asyncio.get_running_loop()
+        self._loop = loop = asyncio.get_running_loop()
         self._opener = opener
         self._make_engine = engine
         self._highest_id = highest_id
@@ -117,14 +117,7 @@ class Machine:
         self._reconnect = Reconnect(self._open_epoch, self._refused)
         self.manual = Manual(self.name, self._loop)
         self.stream = JobStream(
-            self.name,
-            db=db,
-            hub=hub,
-            clock=clock,
-            loop=self._loop,
-            metrics=self.metrics,
-            frames=self._frames,
-            reader=reader,
+            self.name, db=db, hub=hub, clock=clock, loop=loop, metrics=self.metrics, frames=self._frames, reader=reader
         )
         self.tools = ToolChanger(
             self.name, config.toolchanger, kept=kept, job=self.stream, db=db, hub=hub, clock=clock, loop=self._loop
