@@ -20,8 +20,8 @@ from tests.harness.stage import stage
 TITLE = "page: the dashboard in a browser"
 PARTS = ("visit", "hour", "path")
 COLD_STARTS = 7
-STATES = 72_000
-"""Two hours: in the first the browser compiles and fills its caches, the second has to leave nothing behind."""
+STATES = 108_000
+"""Three hours: in the first half the browser compiles and fills its caches, the second has to leave nothing behind."""
 ROUNDS = 12
 LOWEST_OF = 3
 """Rounds: what the browser has not collected yet in one of them is no memory that is kept."""
