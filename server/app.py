@@ -103,7 +103,7 @@ class Workshop:
         folder.mkdir(parents=True, exist_ok=True)
         self.hub = Hub(clock=parts.clock.now)
         self.db = parts.open_db(config.server.database_path)
-        self.tokens = TokenStore(self.db.run, host=config.server.host, clock=parts.clock.now)
+        self.tokens = TokenStore(self.db, host=config.server.host, clock=parts.clock.now)
         await self.tokens.load()
         self.audit = Audit(self.db, parts.clock)
         store = ProgramStore(config.server.programs_dir)

@@ -211,7 +211,7 @@ class Audit:
         """A page of rows, the newest first. Looks through the table piece by piece: the journal is written between."""
         found: list[dict[str, Any]] = []
         while len(found) < limit:
-            rows, before = await self._db.run(page, wanted, before, limit - len(found))
+            rows, before = await self._db.read(page, wanted, before, limit - len(found))
             found += rows
             if before is None:
                 break

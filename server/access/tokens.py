@@ -139,9 +139,19 @@ def note_use(db: Database, token_id: str, *, now: datetime) -> None:
 
 
 class RunInDatabase(Protocol):
-    """`DbThread.run`: runs `fn(database, *args)` where the database lives."""
+    """`DbThread.run` or its `read`: runs `fn(database, *args)` where the database lives."""
 
     def __call__(self, fn: Callable[..., Any], *args: Any) -> Awaitable[Any]: ...
+
+
+class Table(Protocol):
+    """What is needed of the database: `DbThread`."""
+
+    @property
+    def run(self) -> RunInDatabase: ...
+
+    @property
+    def read(self) -> RunInDatabase: ...
 
 
 class TokenStore:
@@ -152,13 +162,14 @@ class TokenStore:
 
     def __init__(
         self,
-        run: RunInDatabase,
+        table: Table,
         *,
         host: str,
         monotonic: Callable[[], float] = time.monotonic,
         clock: Callable[[], datetime] = utc_now,
     ) -> None:
-        self._run = run
+        self._run = table.run
+        self._read = table.read
         self._loopback = is_loopback(host)
         self._monotonic = monotonic
         self._clock = clock
@@ -186,7 +197,7 @@ class TokenStore:
     async def load(self) -> None:
         """Read the table; once before the daemon listens, and by itself later."""
         self._loaded_at = self._monotonic()
-        live: list[Token] = await self._run(list_live_tokens)
+        live: list[Token] = await self._read(list_live_tokens)
         self._by_hash = {token.hash: token for token in live}
         self._by_id = {token.id: token for token in live}
         self._used_at = {id: at for id, at in self._used_at.items() if id in self._by_id}
@@ -245,7 +256,7 @@ class TokenStore:
 
     async def list(self) -> list[dict[str, Any]]:
         """All tokens without their secrets."""
-        tokens: list[Token] = await self._run(list_tokens)
+        tokens: list[Token] = await self._read(list_tokens)
         return [token.view() for token in tokens]
 
     async def revoke(self, token_id: str) -> dict[str, Any] | None:

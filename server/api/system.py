@@ -40,7 +40,6 @@ def _watching(app: FastAPI, services: Services) -> None:
         "/metrics",
         role=Role.VIEWER,
         summary="Counters for Prometheus",
-        errors=("disk_full",),
         content={
             "text/plain": {"schema": {"type": "string"}, "example": 'millstream_connected{machine="router"} 1.0\n'}
         },

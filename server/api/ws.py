@@ -65,7 +65,7 @@ async def snapshot(services: Services) -> Json:
         data["jobs"] = list(await services.jobs.list(None, None, SNAPSHOT_JOBS, None))
         data["queues"] = {name: list(await services.jobs.queue(name)) for name in services.machines}
     except ProblemError as problem:
-        # A database that cannot answer (a full disk) must take neither the live state nor the e-stop away.
+        # A database that cannot answer (a damaged one) must take neither the live state nor the e-stop away.
         data["problem"] = problem_body(problem)
     return data
 

@@ -1,9 +1,10 @@
 """The one writer: a thread that owns the database and is handed functions; and a twin without a thread for tests.
 
-`run` waits for a result (requests of people). `post` does not wait (the stream): posted functions are committed in
-the order in which they came, several in one transaction, and `then` is called on the loop when they are durable.
-The one rule: a posted write is never overtaken. When the disk is full the writer tries again until it succeeds; the
-journal stands still, so the stream stops by itself, and nothing that depends on the missing row is ever written.
+`run` waits for a result (requests of people), `read` for one that changes nothing. `post` does not wait (the stream):
+posted functions are committed in the order in which they came, several in one transaction, and `then` is called on the
+loop when they are durable. The one rule: a posted write is never overtaken by another. When the disk is full the writer
+tries again until it succeeds; the journal stands still, so the stream stops by itself, and nothing that depends on the
+missing row is ever written. Who only reads is answered all the while, with what is durable.
 """
 
 import asyncio
@@ -51,6 +52,10 @@ class Db(Protocol):
     async def run(self, fn: Callable[Concatenate[Database, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
         """Run `fn(db, ...)` in a transaction of its own, after everything posted before; its result or its error."""
 
+    async def read(self, fn: Callable[Concatenate[Database, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """The same for what changes nothing, for people to look at: where nothing can be written (a full disk) it sees
+        what is durable. What decides about a machine or a job asks with `run`."""
+
     def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
         """Have `fn(db, *args)` done, in order, and `then` called on the loop when it is durable. Never waits."""
 
@@ -73,6 +78,8 @@ class _Post:
 class _Run:
     fn: Callable[[Database], Any]
     future: asyncio.Future[Any]
+    reads: bool = False
+    """It changes nothing, and is answered on a full disk, too."""
 
 
 Connect = Callable[[Path | str], sqlite3.Connection]
@@ -130,6 +137,18 @@ def in_transaction(db: Database, fn: Callable[[Database], T]) -> T:
     return result
 
 
+def reading(db: Database, fn: Callable[[Database], T]) -> T:
+    """Run `fn`, which sees one state of everything and can change nothing. It needs no room, and no turn among those
+    who write."""
+    db.conn.execute("pragma query_only = on")
+    try:
+        db.conn.execute("begin")
+        return fn(db)
+    finally:
+        db.conn.rollback()
+        db.conn.execute("pragma query_only = off")
+
+
 _Lot = list[_Post | _Run]
 """What is handed to the thread at once."""
 
@@ -160,8 +179,14 @@ class DbThread:
         return self._trouble
 
     async def run(self, fn: Callable[Concatenate[Database, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
+        return await self._asked(lambda db: fn(db, *args, **kwargs), reads=False)
+
+    async def read(self, fn: Callable[Concatenate[Database, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
+        return await self._asked(lambda db: fn(db, *args, **kwargs), reads=True)
+
+    async def _asked(self, fn: Callable[[Database], T], *, reads: bool) -> T:
         future: asyncio.Future[T] = self._loop.create_future()
-        self._lingering.append(_Run(lambda db: fn(db, *args, **kwargs), future))
+        self._lingering.append(_Run(fn, future, reads))
         self._hand_over()
         return await future
 
@@ -235,7 +260,7 @@ class DbThread:
 
     def _answer(self, run: _Run) -> None:
         try:
-            result = in_transaction(self._db, run.fn)
+            result = (reading if run.reads else in_transaction)(self._db, run.fn)
         except Exception as error:  # noqa: BLE001 - it is raised again where the request waits for it
             self._resolve(run, None, refusal(error))
         else:
@@ -261,7 +286,8 @@ class DbThread:
             return
 
     def _stuck(self, error: Exception) -> bool:
-        """Wait for better times, and send those away who could not wait; False when the daemon ends."""
+        """Wait for better times, answer who only reads, and send those away who could not wait; False when the daemon
+        ends."""
         if self._trouble != str(error):
             log.error("The database cannot be written; the journal stands still", exc_info=error)
         self._trouble = str(error)
@@ -269,7 +295,10 @@ class DbThread:
         refused = refusal(error)
         for item in [item for item in self._waiting if isinstance(item, _Run)]:
             self._waiting.remove(item)
-            self._resolve(item, None, refused if isinstance(refused, ProblemError) else _stands_still(error))
+            if item.reads:
+                self._answer(item)
+            else:
+                self._resolve(item, None, refused if isinstance(refused, ProblemError) else _stands_still(error))
         if self._closing:
             return False
         with suppress(Empty):
@@ -316,6 +345,13 @@ class InlineDb:
         self.commit()
         try:
             return in_transaction(self.db, lambda db: fn(db, *args, **kwargs))
+        except sqlite3.Error as error:
+            raise refusal(error) from error
+
+    async def read(self, fn: Callable[Concatenate[Database, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
+        self.commit()
+        try:
+            return reading(self.db, lambda db: fn(db, *args, **kwargs))
         except sqlite3.Error as error:
             raise refusal(error) from error
 

@@ -122,7 +122,7 @@ class ToolChanger(ChangerShell):
 
     async def events(self, after: int = 0) -> list[dict[str, Any]]:
         """What happened here, with a job or without: those with an `id` above `after`, oldest first."""
-        found: list[dict[str, Any]] = await self._db.run(
+        found: list[dict[str, Any]] = await self._db.read(
             history.of_tools, self.machine, limit=EVENTS_LISTED, after=after
         )
         return found

@@ -81,38 +81,39 @@ class JobService:
             raise ProblemError(
                 "invalid_request", f"{unknown[0]!r} is no status of a job; there are: {', '.join(Status)}."
             )
-        rows = await self.db.run(store.jobs, machine=machine, statuses=statuses, limit=limit, before=before)
+        rows = await self.db.read(store.jobs, machine=machine, statuses=statuses, limit=limit, before=before)
         return [self._view(row) for row in rows]
 
     async def get(self, job_id: int) -> dict[str, Any]:
         """One job. Raises ProblemError."""
-        return self._view(await self.row(job_id))
+        return self._view(await self._shown(job_id))
 
     async def batches(self, job_id: int, after: int = 0) -> Views:
         """The journal of a job, the rows with a `seq` above `after`. Raises ProblemError."""
-        await self.row(job_id)
-        return await self.db.run(journal.rows_of, job_id, limit=BATCHES_LISTED, after=after)
+        await self._shown(job_id)
+        return await self.db.read(journal.rows_of, job_id, limit=BATCHES_LISTED, after=after)
 
     async def events(self, job_id: int, after: int = 0) -> Views:
         """The history of a job, the events with an `id` above `after`. Raises ProblemError."""
-        await self.row(job_id)
-        return await self.db.run(history.of_job, job_id, limit=EVENTS_LISTED, after=after)
+        await self._shown(job_id)
+        return await self.db.read(history.of_job, job_id, limit=EVENTS_LISTED, after=after)
 
     async def report(self, job_id: int) -> dict[str, Any]:
         """The job as a whole. Raises ProblemError."""
-        row = await self.row(job_id)
-        return {"job": self._view(row), **await self.db.run(journal.totals, job_id)}
+        row = await self._shown(job_id)
+        return {"job": self._view(row), **await self.db.read(journal.totals, job_id)}
 
     async def counts(self) -> dict[str, int]:
         """How many jobs there are, by status."""
-        return await self.db.run(store.counts)
+        return await self.db.read(store.counts)
 
     async def row(self, job_id: int) -> Row:
-        """Raises ProblemError."""
-        row = await self.db.run(store.job, job_id)
-        if row is None:
-            raise ProblemError("unknown_job", f"There is no job {job_id}.")
-        return row
+        """The job as it is, to decide upon. Raises ProblemError, also while nothing can be written."""
+        return _found(await self.db.run(store.job, job_id), job_id)
+
+    async def _shown(self, job_id: int) -> Row:
+        """The job for people to look at, on a full disk, too. Raises ProblemError."""
+        return _found(await self.db.read(store.job, job_id), job_id)
 
     def _length(self, machine: str) -> int:
         return self._lengths.get(machine, 0)
@@ -238,7 +239,7 @@ class JobService:
 
     async def queue(self, machine: str) -> Views:
         """What waits for this machine, in order."""
-        rows = await self.db.run(store.queue, machine)
+        rows = await self.db.read(store.queue, machine)
         return [
             {
                 "id": row["id"],
@@ -357,3 +358,9 @@ class JobService:
     async def close(self) -> None:
         """The daemon ends: what still goes on beside it does not."""
         await self._background.close()
+
+
+def _found(row: Row | None, job_id: int) -> Row:
+    if row is None:
+        raise ProblemError("unknown_job", f"There is no job {job_id}.")
+    return row

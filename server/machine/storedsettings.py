@@ -75,7 +75,7 @@ class StoredSettings:
     async def backups(self) -> list[Json]:
         """The newest first."""
         check_supported(self._controller, READ_SETTINGS.capability)
-        return await self._db.run(backups.listing, self._name)
+        return await self._db.read(backups.listing, self._name)
 
     async def backup(self, id: int) -> Json:
         """One backup, compared with what the controller has now where that can be asked."""
@@ -158,7 +158,7 @@ class StoredSettings:
 
     async def _find(self, id: int) -> tuple[Json, Stored]:
         check_supported(self._controller, READ_SETTINGS.capability)
-        found = await self._db.run(backups.find, self._name, id)
+        found = await self._db.read(backups.find, self._name, id)
         if found is None:
             raise ProblemError(
                 "unknown_backup",

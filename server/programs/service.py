@@ -172,11 +172,11 @@ class ProgramService:
 
     async def list(self) -> list[dict[str, Any]]:
         """The newest first."""
-        return [dict(row) for row in await self._db.run(store.programs, limit=LISTED)]
+        return [dict(row) for row in await self._db.read(store.programs, limit=LISTED)]
 
     async def get(self, program_id: str) -> dict[str, Any]:
         """One program. Raises ProblemError."""
-        row = await self._db.run(store.program, program_id)
+        row = await self._db.read(store.program, program_id)
         if row is None:
             raise ProblemError("unknown_program", f"There is no program {program_id!r}.")
         return dict(row)

@@ -302,6 +302,10 @@ class MemoryDatabase:
         self.runs += 1
         return fn(self.db, *args, **kwargs)
 
+    async def read(self, fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+        self.runs += 1
+        return fn(self.db, *args, **kwargs)
+
     def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
         fn(self.db, *args)
         if then is not None:
@@ -323,7 +327,7 @@ class FakeWorkshop:
         self.hub = Hub(first_seq=FIRST_SEQ)
         self.outbound = Counters()
         self.now = 5000.0
-        self.tokens = TokenStore(self.database.run, host=self.config.server.host, monotonic=lambda: self.now)
+        self.tokens = TokenStore(self.database, host=self.config.server.host, monotonic=lambda: self.now)
         self.audit = Audit(cast(Db, self.database), WallClock())
 
     @property

@@ -81,6 +81,12 @@ def test_a_disk_that_fills_stops_the_stream_and_it_goes_on_when_there_is_room(tm
         eventually(lambda: one.http.post(f"/api/v1/jobs/{job}/rerun").json().get("code") == "disk_full")
         stood = recording.blocks()
         assert way(stood) == WHOLE[: len(way(stood))]
+        (program,) = one.get("/programs")
+        places = [f"/jobs/{job}{part}" for part in ("", "/batches", "/events", "/report")] + ["/jobs", "/audit"]
+        places += [f"/programs/{program['id']}{part}" for part in ("", "/source", f"/check?machine={MILL}")]
+        for place in (*(f"/api/v1{place}" for place in (*places, "/tokens")), "/metrics"):
+            answer = one.http.get(place)
+            assert answer.status_code == 200, f"a full disk keeps nobody from reading {place}: {answer.text}"
         assert one.get(f"/machines/{MILL}")["link"] == "connected", "the machine is kept all the while"
         ballast.unlink()
         assert one.status(job, "completed", "failed", "interrupted")["status"] == "completed"

@@ -32,7 +32,7 @@ class Clockwork:
         self.database = MemoryDatabase()
         self.at = 0.0
         self.tokens = TokenStore(
-            self.database.run, host=host, monotonic=lambda: self.at, clock=lambda: NOW + timedelta(seconds=self.at)
+            self.database, host=host, monotonic=lambda: self.at, clock=lambda: NOW + timedelta(seconds=self.at)
         )
 
     async def __aenter__(self) -> "Clockwork":
@@ -204,10 +204,15 @@ def test_known_tokens_never_wait_for_the_database(trouble: Exception) -> None:
                 raise trouble
             return await super().run(fn, *args)
 
+        async def read(self, fn: Any, *args: Any) -> Any:
+            if self.stuck:
+                raise trouble
+            return await super().read(fn, *args)
+
     async def main() -> None:
         database = Stuck()
         at = 0.0
-        tokens = TokenStore(database.run, host="0.0.0.0", monotonic=lambda: at)
+        tokens = TokenStore(database, host="0.0.0.0", monotonic=lambda: at)
         await tokens.load()
         secret = (await tokens.create("screen", "operator"))["token"]
         database.stuck = True

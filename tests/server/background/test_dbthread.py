@@ -41,11 +41,17 @@ async def everything_posted_is_done_in_order(db: Db) -> None:
     assert await db.run(numbers) == list(range(200)), "a request sees everything that was posted before it"
     await asyncio.sleep(0)
     assert told == list(range(200))
+    assert await db.read(numbers) == list(range(200))
     with pytest.raises(ZeroDivisionError):
         await db.run(lambda _db: 1 // 0)
     with pytest.raises(ZeroDivisionError):
         await db.run(_half)
     assert 777 not in await db.run(numbers), "a request that fails leaves nothing"
+    with pytest.raises(ProblemError, match="readonly"):
+        await db.read(put, 888)
+    assert 888 not in await db.run(numbers), "who reads can write nothing"
+    await db.run(put, 999)
+    assert 999 in await db.read(numbers)
 
 
 def _half(db: Database) -> None:
@@ -149,6 +155,7 @@ def test_a_full_disk_stops_everything_posted_and_nothing_overtakes(
             with pytest.raises(ProblemError) as refused:
                 await db.run(numbers)
             assert refused.value.code == "disk_full"
+            assert await db.read(numbers) == [1], "who only reads is answered, with what is durable"
             assert told == [1]
             assert db.trouble is not None
             disk.room.set()

@@ -324,6 +324,6 @@ def test_what_happened_is_read_from_the_history() -> None:
     async def run(fn: Any, *args: Any, **named: Any) -> list[str]:
         return [fn.__name__, *map(str, args), *map(str, named.values())]
 
-    place.run = run  # type: ignore[attr-defined]
+    place.read = run  # type: ignore[attr-defined]
     events: Any = asyncio.run(place.changer.events(after=4))
     assert events == ["of_tools", "router", "10000", "4"]
