@@ -2,7 +2,8 @@
 
 `<sha256>.nc` is the upload byte for byte, `<sha256>.idx` the offset of every 1,024th line; whatever else is made of a
 program is `<sha256>.*` beside it, and goes with it. The one rule: a file under its final name is complete and durable;
-what a crash left half-done (a `.part`, an index alone) the next start removes. Memory stays constant whatever the size.
+what a crash left half-done (a `.part`, an index alone) the next start removes, what has no row it puts aside. Memory
+stays constant whatever the size.
 """
 
 import hashlib
@@ -10,7 +11,7 @@ import os
 import re
 import secrets
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -31,6 +32,11 @@ command that ends, and the stream beside it waits for shorter pieces of work."""
 SYNC_BYTES = 4 * 1024 * 1024
 """An upload goes to the disk in portions of this: the journal's commit of a running job waits for one of them at most,
 and not for a gigabyte that the system has kept in memory."""
+
+UNLISTED = ".unlisted"
+"""Behind the name of a program that no row names: its upload was never answered, or its deletion was not finished."""
+UNLISTED_KEPT_S = 30 * 86_400.0
+"""From when it was found. Should the rows be what was lost (a disk that breaks its word), there is time to see."""
 
 _PART = ".part"
 _HEADER = struct.Struct("<8sQQ")  # magic, lines, bytes
@@ -112,8 +118,28 @@ class ProgramStore:
             raise UnknownProgramError(program_id)
         # The program first: what is being made of it meanwhile is taken away again when the program is not there.
         self._program(program_id).unlink()
-        for made_of_it in self._root.glob(f"{program_id}.*"):
-            made_of_it.unlink(missing_ok=True)
+        # Not `glob`, which keeps a compiled pattern of each name that it was ever asked for.
+        for made_of_it in list(self._root.iterdir()):
+            if made_of_it.name.startswith(f"{program_id}."):
+                made_of_it.unlink(missing_ok=True)
+
+    def put_aside(self, listed: Collection[str], *, now_s: float) -> list[Path]:
+        """Put programs aside that have no row, and remove those that were put aside long ago or have come again; those
+        that were put aside now. `now_s` in seconds since 1970. Before the first upload. Raises OSError."""
+        for path in self._root.glob(f"*.nc{UNLISTED}"):
+            if path.name.partition(".")[0] in listed or now_s - path.stat().st_mtime > UNLISTED_KEPT_S:
+                path.unlink(missing_ok=True)
+        aside = []
+        for path in self._root.glob("*.nc"):
+            if _ID.fullmatch(path.stem) is None or path.stem in listed:
+                continue
+            kept = path.with_name(f"{path.name}{UNLISTED}")
+            os.utime(path, (now_s, now_s))
+            path.replace(kept)
+            for made_of_it in set(self._root.glob(f"{path.stem}.*")) - {kept}:
+                made_of_it.unlink(missing_ok=True)
+            aside.append(kept)
+        return sorted(aside)
 
     def beside(self, program_id: str, suffix: str) -> Path:
         """Where something that is made of a program is kept: it goes when the program goes."""

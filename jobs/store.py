@@ -65,6 +65,11 @@ def program(db: Database, id: str) -> Row | None:
     return next(db.query("select * from programs where id = ?", [id]), None)
 
 
+def program_ids(db: Database) -> set[str]:
+    """Of all programs."""
+    return {str(row["id"]) for row in db.query("select id from programs")}
+
+
 def programs(db: Database, *, limit: int) -> list[Row]:
     """The newest first."""
     return list(db.query("select * from programs order by created_at desc, id limit ?", [limit]))

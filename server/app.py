@@ -123,6 +123,7 @@ class Workshop:
             max_upload_bytes=config.server.max_upload_bytes,
             room=Room(folder, config.limits),
         )
+        await self.programs.put_aside()
         self.machines = {machine.name: await self._controller(machine) for machine in config.machine}
         self.panels = {name: Panel(one, db=self.db, clock=parts.clock) for name, one in self.machines.items()}
         self.changers = {name: one.tools for name, one in self.machines.items()}

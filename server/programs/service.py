@@ -5,6 +5,8 @@ The one rule: an upload is complete and durable, or there is nothing of it; it i
 
 import asyncio
 import errno
+import logging
+import sqlite3
 from collections import Counter, OrderedDict
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -33,6 +35,8 @@ from server.programs.plans import Planning
 from server.programs.room import LOOK_EVERY_BYTES, Room, stored_bytes
 from server.programs.toolpaths import Reader, Toolpath, Toolpaths
 from server.programs.workpiece import Workpiece
+
+log = logging.getLogger(__name__)
 
 LISTED = 1000
 SOURCE_LINES = 10_000
@@ -106,6 +110,19 @@ class ProgramService:
         self._needed: Counter[str] = Counter()
         """Programs of which a job is being made: they are not deleted meanwhile."""
 
+    async def put_aside(self) -> None:
+        """What a daemon that was killed left without a row (jobs/program.py). Before the first upload."""
+        listed = await self._db.run(store.program_ids)
+        try:
+            aside = await self._files.run(self._programs.put_aside, listed, now_s=self._clock.now().timestamp())
+        except OSError as error:  # it is tried again at the next start
+            log.warning("Programs without a row could not be put aside: %s", error)
+            return
+        for path in aside:
+            log.warning(
+                "No row names this program: its upload was not answered, or it was being deleted. Kept: %s", path
+            )
+
     async def store(self, chunks: AsyncIterator[bytes], name: str) -> tuple[dict[str, Any], bool]:
         """Keep an upload; the program and whether its content is new. Raises ProblemError."""
         try:
@@ -146,9 +163,22 @@ class ProgramService:
                 if self._room is not None and await self._db.run(store.program, writer.id) is None:
                     self._room.check_total(stored, writer.bytes_written)
                 info = await self._files.run(writer.finish)
-                return await self._db.run(store.add_program, self._row(info))
+                return await self._listed(info.id, store.add_program, self._row(info))
         finally:
             await self._files.run(writer.abort)
+
+    async def _listed(self, program_id: str, write: Callable[..., Any], *args: Any) -> Any:
+        """Have the row of a program written whose file is there. Where that fails the file goes as well: it would take
+        room that nobody knows of."""
+        try:
+            return await self._db.run(write, *args)
+        except (ProblemError, sqlite3.Error):
+            await self._drop_unlisted(program_id)
+            raise
+
+    async def _drop_unlisted(self, program_id: str) -> None:
+        if await self._db.read(store.program, program_id) is None:
+            await self._read(program_id, self._programs.delete, program_id)
 
     async def _look_at_room(self) -> tuple[int, int]:
         """What all programs take now, and the largest of them. Raises ProblemError when the disk is full."""
@@ -243,10 +273,9 @@ class ProgramService:
             if known is not None:
                 return dict(known)
             info = await self._expand(source, program["name"], self._checks.for_bytes(program["bytes"]))
-            made = await self._db.run(store.add_expansion, source, self._row(info, source), self._version)
+            made = await self._listed(info.id, store.add_expansion, source, self._row(info, source), self._version)
         if made is None:
-            if await self._db.run(store.program, info.id) is None:
-                await self._read(info.id, self._programs.delete, info.id)
+            await self._drop_unlisted(info.id)
             raise ProblemError("unknown_program", f"Program {source!r} was deleted meanwhile.")
         kept, created = made
         if created:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from gcode.lines import MAX_LINE_BYTES
 from jobs.linecount import LINES_PER_ENTRY, NotAProgramError
-from jobs.program import SYNC_BYTES, ProgramInfo, ProgramStore, UnknownProgramError, Writer
+from jobs.program import SYNC_BYTES, UNLISTED_KEPT_S, ProgramInfo, ProgramStore, UnknownProgramError, Writer
 from tests.harness.programs import quick
 
 
@@ -154,6 +154,33 @@ def test_an_upload_that_stops_leaves_nothing(tmp_path: Path) -> None:
         assert len(files(tmp_path)) == 2
     assert files(tmp_path) == []
     writer.abort()
+
+
+def test_a_program_without_a_row_is_put_aside_and_kept_for_a_while(tmp_path: Path) -> None:
+    store = ProgramStore(tmp_path)
+    listed, other = keep(store, b"G0 X1\n").id, keep(store, b"G0 X2\n").id
+    store.beside(other, ".elvinto.toolpath").write_bytes(b"")
+    (tmp_path / "notes.nc").write_bytes(b"M30\n")
+    there = sorted(f"{listed}{suffix}" for suffix in (".idx", ".nc"))
+    aside = tmp_path / f"{other}.nc.unlisted"
+    assert store.put_aside({listed}, now_s=1000.0) == [aside]
+    assert files(tmp_path) == sorted([*there, aside.name, "notes.nc"]), "only names of our own are touched"
+    assert aside.read_bytes() == b"G0 X2\n"
+    assert other not in ProgramStore(tmp_path)
+    assert store.put_aside({listed}, now_s=1000.0 + UNLISTED_KEPT_S) == []
+    assert aside.exists(), "from when it was found, whenever it was written"
+    store.put_aside({listed}, now_s=1001.0 + UNLISTED_KEPT_S)
+    assert files(tmp_path) == sorted([*there, "notes.nc"])
+
+
+def test_a_program_that_was_put_aside_and_comes_again_is_there_once(tmp_path: Path) -> None:
+    store = ProgramStore(tmp_path)
+    id = keep(store, b"G0 X2\n").id
+    store.put_aside(set(), now_s=1000.0)
+    assert keep(store, b"G0 X2\n").id == id
+    assert [text for _, text in store.lines(id)] == [b"G0 X2"]
+    assert store.put_aside({id}, now_s=1000.0) == []
+    assert files(tmp_path) == [f"{id}.idx", f"{id}.nc"]
 
 
 def test_what_a_crash_left_is_removed_at_the_next_start(tmp_path: Path) -> None:

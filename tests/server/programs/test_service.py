@@ -2,12 +2,14 @@
 
 import asyncio
 import errno
+import sqlite3
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from jobs import store
 from jobs.program import Writer
 from server.app import Workshop
 from server.background.worker import InlineWorker
@@ -99,6 +101,45 @@ def test_a_full_disk_leaves_nothing(tmp_path: Path, where: str, monkeypatch: pyt
         assert files(tmp_path) == []
 
     told(tmp_path, story)
+
+
+def test_a_row_that_finds_no_room_takes_its_file_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise sqlite3.OperationalError("database or disk is full")
+
+    async def story(shop: Workshop) -> None:
+        kept, _ = await shop.programs.store(chunks(GOOD), "a.nc")
+        monkeypatch.setattr(store, "add_program", full)
+        assert (await refusal(shop.programs.store(chunks(b"G0 X7\n"), "b.nc"))).code == "disk_full"
+        assert (await refusal(shop.programs.store(chunks(GOOD), "a.nc"))).code == "disk_full"
+        assert files(tmp_path) == [f"{kept['id']}{suffix}" for suffix in (".idx", ".nc")], "what had its row stays"
+
+    told(tmp_path, story)
+
+
+def test_a_daemon_that_is_killed_between_file_and_row_leaves_no_program_that_takes_room_unseen(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def main() -> None:
+        bench = Bench(tmp_path)
+        shop = await bench.start()
+        kept, _ = await shop.programs.store(chunks(GOOD), "a.nc")
+        with shop.programs._programs.writer("b.nc") as writer:
+            writer.write(b"G0 X7\n")
+            lost = writer.finish().id
+        bench.crash()
+        shop = await bench.start()
+        there = [f"{kept['id']}{suffix}" for suffix in (".idx", ".nc")]
+        assert files(tmp_path) == sorted([*there, f"{lost}.nc.unlisted"])
+        assert f"{lost}.nc.unlisted" in caplog.text
+        again, created = await shop.programs.store(chunks(b"G0 X7\n"), "b.nc")
+        assert (again["id"], again["name"], created) == (lost, "b.nc", True)
+        await shop.stop()
+        shop = await bench.start()
+        assert files(tmp_path) == sorted([*there, f"{lost}.idx", f"{lost}.nc"])
+        await shop.stop()
+
+    run_simulated(main())
 
 
 def test_an_upload_that_breaks_off_leaves_nothing(tmp_path: Path) -> None:
