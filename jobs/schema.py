@@ -219,6 +219,14 @@ def m018_hold_reason(db: Database) -> None:
     db.execute("alter table jobs add column hold_message text")
 
 
+@migrations()
+def m019_tokens_forgotten(db: Database) -> None:
+    """No token that was revoked up to then has a row any more, perhaps (server/access/endedtokens.py)."""
+    db.execute("""
+        create table tokens_forgotten (id integer primary key check (id = 1), revoked_until text not null)
+    """)
+
+
 class NewerDatabaseError(sqlite3.DatabaseError):
     """The tables were brought up to date by a version after this one."""
 

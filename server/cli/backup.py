@@ -87,6 +87,7 @@ def restore_(
     aside = None if done.aside is None else str(done.aside)
     if as_json:
         view = {"created_at": done.manifest.created_at, "programs": done.manifest.programs, "held": done.held}
+        view["revoked_tokens"] = done.revoked
         say_json({"data_dir": str(folder), "aside": aside, **view})
         return
     say(f"{safe(folder)}: the data of {safe(done.manifest.created_at)}, {done.manifest.programs} programs")
@@ -94,6 +95,8 @@ def restore_(
         say(f"What was there lies in {safe(aside)}.")
     if done.held:
         say(f"{done.held} jobs that were waiting are on hold: nothing starts by itself.")
+    if done.revoked:
+        say(f"{done.revoked} tokens of the backup were revoked since, and stay so.")
 
 
 @contextmanager

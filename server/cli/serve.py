@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import typer
 import uvicorn
 
-from server.access import auditing
+from server.access import auditing, endedtokens
 from server.access.auth import ExposureError, check_exposure
 from server.access.tokens import list_tokens
 from server.api.httpwire import MAX_CONNECTIONS, HttpProtocol
@@ -183,7 +183,7 @@ async def running(config: Config, listener: socket.socket) -> AsyncIterator[Runn
         _check_exposure(config)
         outbound = stack.enter_context(contextlib.closing(_ways_out(config)))
         workshop = build(config)
-        # Before the start: making the API's description takes the loop for a moment that no running job should wait.
+        # Before the start: making the routes takes the loop for a moment that no running job should wait.
         app = create_app(workshop)
         await workshop.start()
         try:
@@ -210,6 +210,7 @@ async def _beside(workshop: "Workshop") -> AsyncIterator[None]:
         asyncio.create_task(keep_sealing(workshop.db, WallClock())),
         asyncio.create_task(keep_within(workshop.config.history, workshop.db, WallClock(), workshop.programs.delete)),
         asyncio.create_task(auditing.keep_within(workshop.config.audit, workshop.db, WallClock())),
+        asyncio.create_task(endedtokens.keep_removing(workshop.db, WallClock())),
     ]
     if notifier:
         tasks.append(asyncio.create_task(keep_telling(notifier, workshop.db, partial(_sentence, workshop))))

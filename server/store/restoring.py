@@ -8,9 +8,8 @@ over.
 import os
 import shutil
 import sqlite3
-from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
@@ -35,11 +34,29 @@ RESTORED = "restored"
 
 @dataclass(frozen=True, slots=True)
 class Restored:
-    """What was done. `aside`: where the old data lies, if there was any; `held`: jobs that wait for somebody's word."""
+    """What was done. `aside`: where the old data lies, if there was any; `held`: jobs that wait for somebody's word;
+    `revoked`: tokens that are good in the backup, and now no more."""
 
     manifest: Manifest
     aside: Path | None
     held: int
+    revoked: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Replaced:
+    """What the data that is replaced knows of tokens: when each was revoked (None: it was not), and up to when revoked
+    ones may have been forgotten (server/access/endedtokens.py). Nothing, where it cannot be read."""
+
+    tokens: dict[str, str | None] = field(default_factory=dict)
+    forgotten_until: str | None = None
+
+    def revoked_at(self, token: str, manifest: Manifest, now: str) -> str | None:
+        """When a token that was good as the backup was made was revoked since; None: it was not."""
+        if token in self.tokens:
+            return self.tokens[token]
+        forgotten = self.forgotten_until is not None and manifest.created_at <= self.forgotten_until
+        return now if forgotten else None
 
 
 def in_the_way(folder: Path) -> list[str]:
@@ -61,27 +78,31 @@ def restore(backup: Path, folder: Path, *, now: datetime) -> Restored:
     try:
         manifest = archive.extract(backup, new)
         (new / archive.CONFIG).unlink(missing_ok=True)
-        held = _look_over(new / archive.DATABASE, manifest, now, revoked=_revoked(folder / archive.DATABASE))
+        replaced = _replaced(folder / archive.DATABASE)
+        held, revoked = _look_over(new / archive.DATABASE, manifest, rfc3339(now), replaced)
         _give_to(new, owner)
         aside = _exchange(folder, new, now)
         _give_to(folder / "lock", owner)
     finally:
         shutil.rmtree(new, ignore_errors=True)
-    return Restored(manifest, aside, held)
+    return Restored(manifest, aside, held, revoked)
 
 
-def _revoked(database: Path) -> dict[str, str]:
-    """The tokens that were revoked in the data that is replaced, with the time; none where it cannot be read."""
+def _replaced(database: Path) -> _Replaced:
+    """Also of a version before this one, which forgot none."""
+    tokens: dict[str, str | None] = {}
     try:
         with closing(sqlite3.connect(f"{database.resolve().as_uri()}?mode=ro", uri=True)) as db:
-            return dict(db.execute("select id, revoked_at from tokens where revoked_at is not null").fetchall())
+            tokens = dict(db.execute("select id, revoked_at from tokens").fetchall())
+            row = db.execute("select revoked_until from tokens_forgotten").fetchone()
     except sqlite3.Error:
-        return {}
+        row = None
+    return _Replaced(tokens, None if row is None else row[0])
 
 
-def _look_over(database: Path, manifest: Manifest, now: datetime, *, revoked: Mapping[str, str]) -> int:
-    """Is it sound, and one of ours? Then nothing of its queue starts by itself; how many jobs that concerns. Who was
-    `revoked` since it was made stays so."""
+def _look_over(database: Path, manifest: Manifest, now: str, replaced: _Replaced) -> tuple[int, int]:
+    """Is it sound, and one of ours? Then nothing of its queue starts by itself; how many jobs that concerns, and how
+    many tokens."""
     with closing(Database(sqlite3.connect(database))) as db:
         if (damage := _damage(db)) is not None:
             raise ArchiveError(f"its database is damaged: {damage}")
@@ -90,13 +111,27 @@ def _look_over(database: Path, manifest: Manifest, now: datetime, *, revoked: Ma
             raise ArchiveError(f"it was made by a newer version, {manifest.version} ({names}); install that one")
         prepare(db)
         with db.conn:
-            held = _lay_down(db, manifest, rfc3339(now))
-            for id, at in revoked.items():
-                db.execute("update tokens set revoked_at = coalesce(revoked_at, ?) where id = ?", [at, id])
+            held = _lay_down(db, manifest, now)
+            revoked = _revoke(db, manifest, now, replaced)
         db.execute("pragma wal_checkpoint(truncate)")
         # prepare has made it one with a log beside it; what is moved has to be one file.
         db.execute("pragma journal_mode = delete")
-    return held
+    return held, revoked
+
+
+def _revoke(db: Database, manifest: Manifest, now: str, replaced: _Replaced) -> int:
+    """Who was revoked since the backup was made stays so."""
+    good = [row["id"] for row in db.query("select id from tokens where revoked_at is null")]
+    revoked = {id: at for id in good if (at := replaced.revoked_at(id, manifest, now)) is not None}
+    for id, at in revoked.items():
+        db.execute("update tokens set revoked_at = ? where id = ?", [at, id])
+    if replaced.forgotten_until is not None:  # an older backup may be restored after this one
+        db.execute(
+            """insert into tokens_forgotten (id, revoked_until) values (1, ?)
+               on conflict (id) do update set revoked_until = max(revoked_until, excluded.revoked_until)""",
+            [replaced.forgotten_until],
+        )
+    return len(revoked)
 
 
 def _damage(db: Database) -> str | None:

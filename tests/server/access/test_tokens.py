@@ -315,6 +315,6 @@ def test_of_tokens_that_were_revoked_nothing_stays_in_memory() -> None:
             assert await c.tokens.identify(bearer=kept["token"], cookie=None)
             await settle()
             assert list(c.tokens._used_at) == [kept["id"]]
-            assert len(await c.tokens.list()) == 21, "their rows stay"
+            assert len(await c.tokens.list()) == 21, "their rows stay a while (endedtokens.py)"
 
     run(main())

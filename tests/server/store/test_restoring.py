@@ -4,7 +4,7 @@ import os
 import zipfile
 from collections.abc import Callable
 from contextlib import closing
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,13 @@ from sqlite_utils import Database
 from jobs import history, journal, store, toolstore
 from jobs.effects import SetStatus
 from jobs.job import Status
+from jobs.schema import prepare
 from jobs.toolstore import KeptTools
-from server.access.tokens import create_token, list_tokens, revoke_token
+from server.access.endedtokens import remove_ended
+from server.access.tokens import create_token, list_live_tokens, list_tokens, revoke_token
 from server.cli.common import CliError
 from server.cli.settings import sole_daemon
+from server.clock import rfc3339
 from server.config.model import Config
 from server.store import restoring
 from server.store.archive import ArchiveError
@@ -27,6 +30,7 @@ from tests.jobs.test_journal import entry
 from tests.server.store.test_archive import Data
 
 NOW = datetime(2026, 4, 1, 12, 30, tzinfo=UTC)
+LATER = rfc3339(NOW + timedelta(days=31))
 
 
 @pytest.fixture
@@ -167,6 +171,44 @@ def test_a_token_that_was_revoked_since_stays_so(data: Data, target: Path, tmp_p
     restore(tmp_path / "b.zip", data.folder, now=NOW)
     with closing(Database(data.database)) as db:
         assert {one.id: one.revoked_at is not None for one in list_tokens(db)} == {token.id: True, kept.id: False}
+
+
+def test_a_token_whose_row_is_gone_is_not_brought_back(data: Data, target: Path, tmp_path: Path) -> None:
+    with closing(Database(data.database)) as db:
+        gone, _ = create_token(db, "lost phone", "admin", now=NOW)
+        kept, _ = create_token(db, "screen", "viewer", now=NOW)
+        data.backup(tmp_path / "old.zip")
+        revoke_token(db, gone.id, now=NOW)
+        remove_ended(db, before=LATER)
+        assert [one.id for one in list_tokens(db)] == [kept.id]
+    (data.folder / "lock").touch()
+    for hours in range(2):  # what is put in its place remembers it, too
+        assert restore(tmp_path / "old.zip", data.folder, now=NOW + timedelta(hours=hours)).revoked == 1
+        assert good(data.database) == [kept.id]
+        with closing(Database(data.database)) as db:
+            remove_ended(db, before=LATER)
+    # Where nothing of them is known all tokens of a backup are good: another computer.
+    assert restore(tmp_path / "old.zip", target, now=NOW).revoked == 0
+    assert sorted(good(target / "millstream.db")) == sorted([gone.id, kept.id])
+
+
+def test_a_newer_backup_than_all_that_is_forgotten_is_believed(data: Data, target: Path, tmp_path: Path) -> None:
+    with closing(Database(data.database)) as db:
+        there, _ = create_token(db, "another computer's", "admin", now=NOW)
+    data.backup(tmp_path / "b.zip")
+    before_the_backup = datetime.fromisoformat(AT) - timedelta(seconds=1)
+    with closing(Database(target / "millstream.db")) as db:
+        prepare(db)
+        own, _ = create_token(db, "guest", "viewer", now=before_the_backup)
+        revoke_token(db, own.id, now=before_the_backup)
+        remove_ended(db, before=LATER)
+    assert restore(tmp_path / "b.zip", target, now=NOW).revoked == 0
+    assert good(target / "millstream.db") == [there.id]
+
+
+def good(database: Path) -> list[str]:
+    with closing(Database(database)) as db:
+        return [token.id for token in list_live_tokens(db)]
 
 
 class PowerCutError(Exception):
