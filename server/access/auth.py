@@ -16,7 +16,8 @@ from protocol.errors import MillstreamError
 SESSION_LIFETIME_S = 30 * 24 * 3600.0
 """A signed-in browser stays signed in for a month, until sign-out, or until the daemon starts anew."""
 MAX_SESSIONS = 1000
-"""The oldest session ends when one more begins: signing in cannot fill the memory."""
+"""The oldest session ends when one more begins: signing in cannot fill the memory. Those whose time is over go then,
+too: few browsers sign out."""
 
 
 class Role(IntEnum):
@@ -93,11 +94,15 @@ class Sessions:
 
     def begin(self, token_id: str, *, now: float) -> str:
         """A new session for this token; the cookie's value."""
-        if len(self._sessions) >= MAX_SESSIONS:
+        while self._sessions and (len(self._sessions) >= MAX_SESSIONS or now >= self._first_ends_at()):
             del self._sessions[next(iter(self._sessions))]
         cookie = secrets.token_urlsafe(32)
         self._sessions[digest(cookie)] = (token_id, now + SESSION_LIFETIME_S)
         return cookie
+
+    def _first_ends_at(self) -> float:
+        """All last as long: the oldest ends first."""
+        return next(iter(self._sessions.values()))[1]
 
     def token_id(self, cookie: str, *, now: float) -> str | None:
         """The token behind a cookie, or None when the session has ended or never was."""

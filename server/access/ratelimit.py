@@ -25,6 +25,11 @@ OVERALL_REFILL_S = 1.0
 MAX_ADDRESSES = 1024
 MAX_TRUSTED = 1024
 """Memory is constant: the addresses and the right tokens of longest ago are forgotten first."""
+FORGIVEN_S = BURST * REFILL_S
+"""After that an address that guesses no more is as one that never did: it is forgotten."""
+TRUSTED_S = 30 * 24 * 3600.0
+"""A right token was at work from there in this time, or it is a stranger there again; a browser's session lasts as
+long."""
 IPV6_PREFIX = 64
 """One computer has all addresses of such a network."""
 
@@ -38,7 +43,8 @@ class _Bucket:
     left: float
     at: float
     last: str = ""
-    """The hash of the last wrong token."""
+    """The hash of the last wrong token, which came at `guessed_at`."""
+    guessed_at: float = 0.0
 
     def fill(self, now: float) -> None:
         self.left = min(self.burst, self.left + max(0.0, now - self.at) / self.refill_s)
@@ -60,7 +66,8 @@ class Attempts:
     def __init__(self) -> None:
         self._all = _Bucket(OVERALL_BURST, OVERALL_REFILL_S, OVERALL_BURST, 0.0)
         self._by_address: OrderedDict[str, _Bucket] = OrderedDict()
-        self._trusted: OrderedDict[tuple[str, str], None] = OrderedDict()
+        self._trusted: OrderedDict[tuple[str, str], float] = OrderedDict()
+        """When it was right last; the oldest first, as in `_by_address`."""
         self.refused = 0
         """How many were turned away without a look at what they had."""
         self.guessed = 0
@@ -75,7 +82,7 @@ class Attempts:
         bucket = self._by_address.get(network)
         # An address that never guessed is heard even while everybody else does.
         hashed = digest(secret)
-        if bucket is None or (network, hashed) in self._trusted:
+        if bucket is None or now - self._trusted.get((network, hashed), -math.inf) < TRUSTED_S:
             return 0
         wait_s = max(bucket.wait_s(now, RESERVE if hashed == bucket.last else 0), self._all.wait_s(now))
         if wait_s > 0:
@@ -89,20 +96,24 @@ class Attempts:
         bucket = self._by_address.get(network)
         if bucket is None:
             bucket = self._by_address[network] = _Bucket(BURST, REFILL_S, BURST, now)
-            if len(self._by_address) > MAX_ADDRESSES:
-                self._by_address.popitem(last=False)
         self._by_address.move_to_end(network)
         bucket.last = digest(secret)
         bucket.take(now)
+        bucket.guessed_at = now
         self._all.take(now)
+        while len(self._by_address) > MAX_ADDRESSES or now - self._oldest_guess_at() >= FORGIVEN_S:
+            self._by_address.popitem(last=False)
 
-    def right(self, address: str, secret: str) -> None:
+    def right(self, address: str, secret: str, *, now: float) -> None:
         """A token from there was right."""
         key = network_of(address), digest(secret)
-        self._trusted[key] = None
+        self._trusted[key] = now
         self._trusted.move_to_end(key)
-        if len(self._trusted) > MAX_TRUSTED:
+        while len(self._trusted) > MAX_TRUSTED or now - next(iter(self._trusted.values())) >= TRUSTED_S:
             self._trusted.popitem(last=False)
+
+    def _oldest_guess_at(self) -> float:
+        return next(iter(self._by_address.values())).guessed_at
 
 
 def network_of(address: str) -> str:

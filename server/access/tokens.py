@@ -274,7 +274,7 @@ class TokenStore:
         if token is None:
             self.attempts.wrong(address, secret, now=now)
             return None
-        self.attempts.right(address, secret)
+        self.attempts.right(address, secret, now=now)
         return self._principal(token, now)
 
     def _refuse_guessers(self, secret: str, address: str, now: float) -> None:

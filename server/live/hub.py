@@ -21,6 +21,9 @@ REPLAY_LIMIT = 4096
 """Messages kept for `since=`; a reader that was away for longer gets `resync` and a snapshot."""
 REPLAY_LIMIT_BYTES = 16 * 1024 * 1024
 """The same in bytes: a message about a queue of a thousand jobs has 100 KB."""
+REPLAY_FOR = timedelta(days=1)
+"""The same in time: a tablet that slept over night is told what it missed, one of last week gets the snapshot. So a
+quiet workshop does not fill the limit for months."""
 CONSOLE_READERS = 4
 """So many readers get every console line. A Grbl at work says and hears 700 lines a second: for a hundred readers that
 would be 10 MB a second, and some percent of a core for the loop."""
@@ -102,7 +105,7 @@ class Hub:
         if type == CONSOLE:
             self._gather(machine, frame)
             return self._seq
-        message = Message(self._seq, type, machine, frame)
+        message = Message(self._seq, type, machine, frame, self._clock())
         if kept:
             self.hand_out_lines()  # they were said before
             self._keep(message)
@@ -192,7 +195,11 @@ class Hub:
     def _keep(self, message: Message) -> None:
         self._kept.append(message)
         self._kept_bytes += len(message.frame)
-        while len(self._kept) > REPLAY_LIMIT or self._kept_bytes > REPLAY_LIMIT_BYTES:
+        while (
+            len(self._kept) > REPLAY_LIMIT
+            or self._kept_bytes > REPLAY_LIMIT_BYTES
+            or message.at - self._kept[0].at > REPLAY_FOR
+        ):
             forgotten = self._kept.popleft()
             self._kept_bytes -= len(forgotten.frame)
             self._forgotten_seq = forgotten.seq

@@ -8,6 +8,7 @@ import asyncio
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from datetime import datetime
 
 from server.live.fanout import TICK_S, Fanout, Outlet
 
@@ -30,12 +31,13 @@ DEFAULT_RATE_HZ = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One event. `frame` is what goes to every reader, made once."""
+    """One event, published `at`. `frame` is what goes to every reader, made once."""
 
     seq: int
     type: str
     machine: str | None
     frame: bytes
+    at: datetime
 
 
 @dataclass(frozen=True, slots=True)

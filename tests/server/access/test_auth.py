@@ -58,6 +58,13 @@ def test_sessions_are_bounded() -> None:
     assert all(sessions.token_id(cookie, now=0.0) for cookie in cookies[1:])
 
 
+def test_sessions_that_nobody_signed_out_of_go_with_their_time() -> None:
+    sessions = Sessions()
+    for day in range(100):
+        sessions.begin("t1", now=day * 86_400.0)
+    assert len(sessions._sessions) == SESSION_LIFETIME_S / 86_400.0
+
+
 def test_cookies_are_kept_as_hashes_only() -> None:
     sessions = Sessions()
     cookie = sessions.begin("t1", now=0.0)

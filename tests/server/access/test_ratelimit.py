@@ -2,11 +2,13 @@
 
 from server.access.ratelimit import (
     BURST,
+    FORGIVEN_S,
     MAX_ADDRESSES,
     MAX_TRUSTED,
     OVERALL_BURST,
     REFILL_S,
     RESERVE,
+    TRUSTED_S,
     Attempts,
     network_of,
 )
@@ -50,7 +52,7 @@ def test_another_address_is_not_kept_out() -> None:
 
 def test_what_was_right_from_there_before_is_no_guess() -> None:
     attempts = Attempts()
-    attempts.right(HERE, "the secret")
+    attempts.right(HERE, "the secret", now=0.0)
     guess(attempts, HERE, 1000)
     assert attempts.wait_s(HERE, "the secret", now=0.0) == 0
     assert attempts.wait_s(HERE, "another", now=0.0) > 0
@@ -71,7 +73,7 @@ def test_memory_is_constant() -> None:
     for number in range(3 * MAX_ADDRESSES):
         address = f"10.{number >> 16}.{number >> 8 & 255}.{number & 255}"
         attempts.wrong(address, "guess", now=0.0)
-        attempts.right(address, str(number))
+        attempts.right(address, str(number), now=0.0)
     assert len(attempts._by_address) == MAX_ADDRESSES
     assert len(attempts._trusted) == MAX_TRUSTED
 
@@ -88,3 +90,26 @@ def test_addresses_as_they_count() -> None:
     assert network_of("2001:db8::1") == network_of("2001:db8::ffff") != network_of("2001:db8:0:1::1")
     assert network_of("fe80::1%eth0") == "fe80::/64"
     assert network_of("") == ""
+
+
+def test_who_guesses_no_more_is_forgotten() -> None:
+    attempts = Attempts()
+    guess(attempts, HERE, BURST + 3)
+    guess(attempts, THERE, 1, now=FORGIVEN_S - 1)
+    assert list(attempts._by_address) == [HERE, THERE]
+    guess(attempts, THERE, 1, now=FORGIVEN_S)
+    assert list(attempts._by_address) == [THERE]
+    guess(attempts, HERE, BURST, now=FORGIVEN_S)
+    assert attempts.wait_s(HERE, "x", now=FORGIVEN_S) == REFILL_S, "it is counted anew"
+
+
+def test_what_was_right_from_there_once_is_a_stranger_in_the_end() -> None:
+    attempts = Attempts()
+    attempts.right(HERE, "the secret", now=0.0)
+    attempts.right(HERE, "another", now=TRUSTED_S - 1.0)
+    guess(attempts, HERE, 100, now=TRUSTED_S - 1.0)
+    assert attempts.wait_s(HERE, "the secret", now=TRUSTED_S - 1.0) == 0
+    assert attempts.wait_s(HERE, "the secret", now=TRUSTED_S) > 0
+    assert attempts.wait_s(HERE, "another", now=TRUSTED_S) == 0
+    attempts.right(HERE, "another", now=TRUSTED_S)
+    assert len(attempts._trusted) == 1

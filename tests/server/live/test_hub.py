@@ -1,5 +1,5 @@
 import json
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -12,6 +12,7 @@ from server.live.hub import (
     CONSOLE_PIECE_LINES,
     CONSOLE_READERS,
     CONSOLE_SLICE,
+    REPLAY_FOR,
     REPLAY_LIMIT,
     REPLAY_LIMIT_BYTES,
     Hub,
@@ -178,6 +179,25 @@ def test_large_messages_do_not_fill_the_memory() -> None:
     kept = h.missed(95, Filter())
     assert kept is not None
     assert sum(map(len, kept)) <= REPLAY_LIMIT_BYTES
+
+
+def test_what_is_older_than_a_day_is_not_replayed() -> None:
+    at = START
+    h = Hub(clock=lambda: at, first_seq=0)
+    for _ in range(3):
+        h.publish("job", "router", {})
+    at = START + REPLAY_FOR
+    h.publish("job", "router", {})
+    assert h.missed(0, Filter()) is not None
+    at += timedelta(seconds=1)
+    h.publish("job", "router", {})
+    assert h.missed(2, Filter()) is None
+    missed = h.missed(3, Filter())
+    assert missed is not None
+    assert len(list(missed)) == 2
+    at = START  # a clock that is set back forgets nothing by that
+    h.publish("job", "router", {})
+    assert h.missed(3, Filter()) is not None
 
 
 def test_states_do_not_push_events_out_of_the_replay() -> None:
