@@ -17,7 +17,7 @@ from protocol.grbl.engine import GrblEngine
 from protocol.ncframe.engine import NcFrameEngine
 from server.access.audit import Audit
 from server.access.tokens import TokenStore
-from server.background.childworker import BySize
+from server.background.childworker import BySize, ChildWorker
 from server.background.dbthread import Db, DbThread
 from server.background.worker import ThreadWorker, Worker
 from server.changer.toolchanger import ToolChanger
@@ -43,6 +43,8 @@ from server.waysout import Counters
 
 HEAVY = frozenset({"checks", "drawings", "timelines"})
 """Workers that read whole programs and compute."""
+DESCRIBER = "describer"
+"""Makes the description of the API. In a thread it would hold up the loop for 10 ms at once."""
 
 
 def engine_factory(config: MachineConfig) -> EngineFactory:
@@ -72,9 +74,15 @@ class Parts:
         return cls(
             clock=WallClock(),
             open_db=lambda path: DbThread(path, asyncio.get_running_loop()),
-            worker=lambda name: BySize(name) if name in HEAVY else ThreadWorker(name),
+            worker=_worker,
             opener=lambda config: PortOpener(config.protocol, dtr=config.dtr),
         )
+
+
+def _worker(name: str) -> Worker:
+    if name == DESCRIBER:
+        return ChildWorker(name)
+    return BySize(name) if name in HEAVY else ThreadWorker(name)
 
 
 class Workshop:
@@ -89,6 +97,7 @@ class Workshop:
     db: Db
     tokens: TokenStore
     audit: Audit
+    describer: Worker
 
     def __init__(self, config: Config, parts: Parts) -> None:
         self.config = config
@@ -106,6 +115,7 @@ class Workshop:
         self.tokens = TokenStore(self.db, host=config.server.host, clock=parts.clock.now)
         await self.tokens.load()
         self.audit = Audit(self.db, parts.clock)
+        self.describer = self._worker(DESCRIBER)
         store = ProgramStore(config.server.programs_dir)
         pieces = {machine.name: Workpiece.of(machine) for machine in config.machine}
         planning = Planning(store)

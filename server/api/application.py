@@ -1,7 +1,8 @@
 """The ASGI application: all routes behind the guard.
 
-Not the server that speaks HTTP (uvicorn). The one rule: what takes long is done here, before anything is served: the
-loop that answers requests also keeps the machines, and describing all routes takes it a good part of a second.
+Not the server that speaks HTTP (uvicorn). The one rule: what takes long is done here, before anything is served, or in
+another process: the loop that answers requests also keeps the machines. Describing all routes takes a good part of a
+second, and no start waits for that: it is done when somebody asks.
 """
 
 from contextlib import AbstractContextManager, nullcontext
@@ -70,7 +71,6 @@ def build(services: Services) -> FastAPI:
         proxies=Proxies(settings.trusted_proxies),
         record=Trail(lambda: services.audit).request,
     )
-    description()
     for name in LATE_IMPORTS:
         import_module(name)
     return app
@@ -78,7 +78,7 @@ def build(services: Services) -> FastAPI:
 
 @cache
 def description() -> str:
-    """The OpenAPI document as text. It depends on no workshop, so one is made for all."""
+    """The OpenAPI document as text, of routes that serve nobody: it depends on no workshop, so one is made for all."""
     return dumps(document(_routes(cast(Services, None))))
 
 

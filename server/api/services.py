@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol
 from protocol.commands import OnError
 from server.access.audit import Audit
 from server.access.tokens import TokenStore
+from server.background.worker import Worker
 from server.config.limits import LimitsConfig
 from server.config.reentry import AS_CONFIGURED, ReentryWish
 from server.live.hub import Hub
@@ -204,5 +205,7 @@ class Services(Protocol):
     def tokens(self) -> TokenStore: ...
     @property
     def audit(self) -> Audit: ...
+    @property
+    def describer(self) -> Worker: ...
     @property
     def config(self) -> Settings: ...

@@ -16,15 +16,16 @@ from server.api.models import Health
 from server.api.routing import Routes, json_response
 from server.api.services import Services
 from server.api.webfiles import answer, web_file
+from server.background.childworker import ChildEndedError
 from server.metrics import MEDIA_TYPE as METRICS_MEDIA_TYPE
 from server.metrics import Refused, exposition
 from server.problems import ProblemError
 
 
 def install(app: FastAPI, services: Services, describe: Callable[[], str]) -> None:
-    """The routes outside the machines. `describe` gives the OpenAPI document as text."""
+    """The routes outside the machines. `describe` makes the OpenAPI document as text, which takes long."""
     _watching(app, services)
-    _documentation(app, describe)
+    _documentation(app, services, describe)
     _pages(app)
 
 
@@ -60,13 +61,30 @@ def _refused(app: FastAPI, services: Services) -> Refused:
     return Refused(tokens, sockets, services.audit.lost_in_all)
 
 
-def _documentation(app: FastAPI, describe: Callable[[], str]) -> None:
+def _documentation(app: FastAPI, services: Services, describe: Callable[[], str]) -> None:
     routes = Routes(app, "daemon")
     content = {"application/json": {"schema": {"type": "object"}, "example": {"openapi": "3.1.0"}}}
 
-    @routes.add("GET", "/openapi.json", role=Role.PUBLIC, summary="This description of the API", content=content)
+    text = ""
+
+    @routes.add(
+        "GET",
+        "/openapi.json",
+        role=Role.PUBLIC,
+        summary="This description of the API",
+        content=content,
+        errors=("process_ended",),
+    )
     async def openapi_json() -> Response:
-        return Response(describe(), media_type="application/json")
+        """Made when it is asked for the first time: that takes a second or two."""
+        nonlocal text
+        try:
+            text = text or await services.describer.run(describe)
+        except ChildEndedError as error:
+            raise ProblemError(
+                "process_ended", f"The description was not made: {error}. Ask again; memory may be short."
+            ) from error
+        return Response(text, media_type="application/json")
 
 
 def _pages(app: FastAPI) -> None:

@@ -23,6 +23,7 @@ from server.api.machinemodels import MACHINE_EXAMPLE, ConsoleLine, FilesView
 from server.api.models import JOB_EXAMPLE, PROGRAM_ID, CheckView, ProgramView
 from server.api.routing import example_of
 from server.background.dbthread import Db
+from server.background.worker import InlineWorker
 from server.clock import WallClock
 from server.config.limits import LimitsConfig
 from server.config.reentry import AS_CONFIGURED, ReentryWish
@@ -329,6 +330,7 @@ class FakeWorkshop:
         self.now = 5000.0
         self.tokens = TokenStore(self.database, host=self.config.server.host, monotonic=lambda: self.now)
         self.audit = Audit(cast(Db, self.database), WallClock())
+        self.describer = InlineWorker()
 
     @property
     def router(self) -> FakeMachine:

@@ -1,7 +1,7 @@
 """The OpenAPI document is complete: nobody has to read the code to write a client."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
@@ -9,6 +9,7 @@ import pytest
 
 from server.api.application import description
 from server.api.messages import SOCKET_TEXT, Jog, JogStop, Subscribe, Verb
+from server.background.childworker import ChildEndedError
 from server.problems import CODES
 from tests.harness.fakeworkshop import FakeWorkshop
 from tests.harness.simloop import run_simulated as run
@@ -126,16 +127,29 @@ def test_parameters_are_described(method: str, path: str, operation: dict[str, A
         assert parameter["description"], parameter["name"]
 
 
-def test_it_is_made_before_anybody_asks() -> None:
-    """Making it takes half a second of the loop that keeps the machines."""
-    description.cache_clear()
+def test_it_is_made_when_somebody_asks_and_not_by_the_loop_that_keeps_the_machines(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Making it takes half a second: neither a start waits for that, nor a machine. And it is made once."""
+    asked: list[object] = []
 
-    async def main() -> None:
+    async def elsewhere(fn: Callable[[], str]) -> str:
+        asked.append(fn)
+        if len(asked) == 1:
+            raise ChildEndedError("the process for describer ended with -9 before its answer")
+        return "{}"
+
+    async def main() -> list[tuple[int, str]]:
         async with FakeWorkshop() as workshop:
-            workshop.app()
+            monkeypatch.setattr(workshop.describer, "run", elsewhere)
+            made = description.cache_info().misses
+            async with workshop.client() as client:
+                answers = [await client.get("/api/v1/openapi.json") for _ in range(3)]
+            assert description.cache_info().misses == made
+            return [(answer.status_code, answer.json().get("code", "")) for answer in answers]
 
-    run(main())
-    assert description.cache_info().currsize == 1
+    assert run(main()) == [(503, "process_ended"), (200, ""), (200, "")]
+    assert asked == [description, description]
 
 
 def test_nothing_of_the_framework_is_in_it() -> None:
