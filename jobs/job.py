@@ -92,7 +92,7 @@ ERROR_CODES: Mapping[str, str] = {
     "tool_change_failed": "the tool was not changed: the changer, or the operator, says that it cannot be",
     "no_tool_word": "a tool change (M6) without a T word that says which tool",
     "program_missing": "the file of the program cannot be read",
-    "internal": "an error of the daemon while the program was read; its log has the rest",
+    "internal": "a fault of the daemon; its log has the rest",
     "not_plannable": "a line of the program cannot be sent to this machine",
 }
 """Every code of a JobError; docs/api.md lists them."""

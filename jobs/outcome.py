@@ -117,3 +117,9 @@ def break_too_long(resume_within_s: float) -> Outcome:
     """The link came back too late for going on without asking (elvinto §5.5)."""
     message = f"The link was broken for longer than resume_within ({resume_within_s:g} s)."
     return Outcome(Status.INTERRUPTED, "break_too_long", message)
+
+
+def broken(reason: str) -> Outcome:
+    """A fault of the daemon in the middle of a job."""
+    message = f"A fault of the daemon ({reason}): nothing more was sent. Its log has the rest."
+    return Outcome(Status.INTERRUPTED, "internal", message)

@@ -173,6 +173,11 @@ class RunState:
             end = outcome.lines_refused(self.refused, self._first_refusal)
         self._stop(end)
 
+    def broken(self, reason: str) -> list[Effect]:
+        """A fault of ours: nothing more goes out. What is open may still end, if the machine says so."""
+        self._interrupt(outcome.broken(reason))
+        return self._drain()
+
     def _check_break(self, now: float) -> None:
         deadline = self.deadline()
         if deadline is not None and now >= deadline:

@@ -28,6 +28,7 @@ from server.background.dbthread import Db
 from server.background.worker import Worker
 from server.clock import Clock, seconds_since, stamp
 from server.live.hub import Hub
+from server.machine import jobfault
 from server.machine.beginning import Beginning
 from server.machine.turns import Turns
 from server.machine.views import job_view
@@ -156,6 +157,13 @@ class JobStream:
                 effect = self._todo.popleft()
                 moved, submitted = True, submitted or isinstance(effect, Submit)
                 self._perform(effect)
+        except Exception as error:  # noqa: BLE001 - the outermost loop of the job: nobody else would ever tell it
+            left = [*self._todo, *jobfault.interrupted(self.runner, error)]
+            self._todo.clear()
+            moved = moved or bool(left)
+            for effect in left:
+                if not isinstance(effect, Submit):
+                    self._perform(effect)
         finally:
             self._busy = False
         self._write()
@@ -214,7 +222,10 @@ class JobStream:
             return
         if isinstance(event, BatchSent) and event.attempt > 1:
             self._metrics.retries += 1
-        effects = self.runner.handle(event, now=self._loop.time(), at=stamp(self._clock))
+        try:
+            effects = self.runner.handle(event, now=self._loop.time(), at=stamp(self._clock))
+        except Exception as error:  # noqa: BLE001 - as in react
+            effects = jobfault.interrupted(self.runner, error)
         if effects:  # what can be done without any is done when all that was heard is handed over (link.py)
             self.react(effects)
 

@@ -1,6 +1,7 @@
 """The job side of a machine: effects in order, signs of life at most once a second, frames at a fault."""
 
 import asyncio
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,10 @@ from jobs import batch, history, journal
 from jobs.batch import BatchPlanner
 from jobs.effects import SetStatus
 from jobs.job import Status
+from jobs.runner import Runner
+from protocol.elvinto.engine import ElvintoEngine
+from protocol.errors import LocalError
+from protocol.events import BatchDone
 from server.machine.jobstream import ALIVE_EVERY_S, PROGRESS_EVERY_S, JobStream
 from sim.elvinto.settings import SimSettings
 from tests.harness.simloop import run_simulated, until
@@ -66,6 +71,95 @@ def test_a_fault_of_ours_in_the_reading_fails_the_job_behind_what_was_sent(
         assert (view["status"], error["code"], error["line_from"]) == ("failed", "internal", None)
         assert "KeyError" in error["message"]
         assert 10 < view["progress"]["line"] == len(bench.executed()) < 60
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_a_fault_of_ours_between_two_batches_interrupts_the_job_which_goes_on_when_it_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    advance = Runner.advance
+    bench = Bench(tmp_path)
+
+    def faulty(runner: Runner, *args: Any, **named: Any) -> list[Any]:
+        if len(bench.executed()) > 10:
+            raise KeyError("a fault of ours")
+        return advance(runner, *args, **named)
+
+    monkeypatch.setattr(Runner, "advance", faulty)
+
+    async def main() -> None:
+        shop = await bench.connected()
+        job = (await bench.job(PROGRAM))["id"]
+        view = await bench.status(job, "interrupted", "completed")
+        assert (view["status"], view["error"]["code"]) == ("interrupted", "internal")
+        assert "KeyError" in view["error"]["message"]
+        await asyncio.sleep(60)
+        view = await shop.jobs.get(job)
+        assert view["error"]["line_from"] is None, "the machine has said how what it had has ended"
+        assert 10 < view["progress"]["line"] == len(bench.executed()) < 60
+        assert caplog.text.count("a fault of the daemon") == 1, "with every turn it comes again"
+        monkeypatch.undo()
+        await shop.jobs.recover(job, "continue")
+        await bench.status(job, "completed")
+        reached = [found[1] for block in bench.executed() if (found := re.search(r"X(\d+)", block))]
+        assert reached == [str(x) for x in range(1, 60)], "each line once"
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_a_batch_that_a_fault_of_ours_kept_from_the_machine_is_in_doubt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    submit = ElvintoEngine.submit
+    bench = Bench(tmp_path)
+
+    def faulty(engine: ElvintoEngine, command: Any, now: float) -> None:
+        if len(bench.executed()) > 10:
+            raise LocalError("a fault of ours")
+        submit(engine, command, now)
+
+    monkeypatch.setattr(ElvintoEngine, "submit", faulty)
+
+    async def main() -> None:
+        shop = await bench.connected()
+        job = (await bench.job(PROGRAM))["id"]
+        await bench.status(job, "interrupted", "completed")
+        await asyncio.sleep(60)
+        view = await shop.jobs.get(job)
+        error = view["error"]
+        assert (view["status"], error["code"]) == ("interrupted", "internal")
+        assert error["line_from"] == view["progress"]["line"] + 1 == len(bench.executed()) + 1
+        assert error["line_to"] >= error["line_from"]
+        await shop.jobs.cancel(job)
+        assert (await bench.status(job, "cancelled"))["error"]["line_from"] == error["line_from"]
+        await shop.stop()
+
+    run_simulated(main())
+
+
+def test_an_event_that_a_fault_of_ours_swallowed_leaves_its_batch_in_doubt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    handle = Runner.handle
+    bench = Bench(tmp_path)
+
+    def faulty(runner: Runner, event: Any, **named: Any) -> list[Any]:
+        if isinstance(event, BatchDone) and len(bench.executed()) > 10:
+            raise ZeroDivisionError("a fault of ours")
+        return handle(runner, event, **named)
+
+    monkeypatch.setattr(Runner, "handle", faulty)
+
+    async def main() -> None:
+        shop = await bench.connected()
+        job = (await bench.job(PROGRAM))["id"]
+        view = await bench.status(job, "interrupted", "completed")
+        await asyncio.sleep(60)
+        assert (view["error"]["code"], view["error"]["line_from"]) == ("internal", view["progress"]["line"] + 1)
+        assert view["error"]["line_to"] == len(bench.executed()), "nothing has gone out any more"
         await shop.stop()
 
     run_simulated(main())
