@@ -9,18 +9,17 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import httpx
 from fastapi import FastAPI
 
-from server.api import create_app
-from server.api.services import Services
 from server.app import Workshop
 from server.config.model import Config
 from server.machine.controller import Controller
 from sim.changer.changer import VirtualChanger
 from sim.changer.settings import ChangerSettings
+from tests.harness.apps import create_app
 from tests.harness.asgisocket import AsgiSocket
 from tests.harness.grblworkshop import GrblBench
 from tests.harness.ncworkshop import HERE, NcBench
@@ -52,7 +51,7 @@ class Desk:
 @cache
 def desk() -> tuple[Desk, FastAPI]:
     services = Desk()
-    return services, create_app(cast(Services, services))
+    return services, create_app(services)
 
 
 class Wired:

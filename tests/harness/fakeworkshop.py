@@ -18,7 +18,6 @@ from sqlite_utils import Database
 from jobs.schema import prepare
 from server.access.audit import Audit
 from server.access.tokens import TokenStore
-from server.api import create_app
 from server.api.machinemodels import MACHINE_EXAMPLE, ConsoleLine, FilesView
 from server.api.models import JOB_EXAMPLE, PROGRAM_ID, CheckView, ProgramView
 from server.api.routing import example_of
@@ -31,6 +30,7 @@ from server.live.hub import Hub
 from server.metrics import MachineMetrics
 from server.problems import ProblemError
 from server.waysout import Counters
+from tests.harness.apps import create_app
 
 BASE_URL = "http://127.0.0.1:8420"
 FIRST_SEQ = 1000

@@ -11,12 +11,12 @@ from typing import Any
 
 import httpx
 
-from server.api import create_app
 from server.app import Workshop
 from server.machine.controller import Controller
 from server.machine.panel import Panel
 from server.problems import ProblemError
 from sim.grbl.simsettings import SimSettings
+from tests.harness.apps import create_app
 from tests.harness.fakeworkshop import BASE_URL
 from tests.harness.grblworkshop import GrblBench
 from tests.harness.simloop import until

@@ -9,10 +9,11 @@ from typing import Any
 import httpx
 import pytest
 
-from server.api import create_app, recovermodels
+from server.api import recovermodels
 from server.job.takingup import TakingUp
 from server.machine.controller import Controller
 from sim.grbl.simsettings import SimSettings
+from tests.harness.apps import create_app
 from tests.harness.grblworkshop import GrblBench
 from tests.harness.simloop import run_simulated, until
 from tests.harness.workshop import MACHINE

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from integrations.linuxcnc_hal.millstream_hal import IN, OUT, Bridge
-from server.api import create_app
 from server.app import Workshop
+from tests.harness.apps import create_app
 from tests.harness.asgisocket import AsgiSocket
 from tests.harness.simloop import run_simulated, until
 from tests.harness.workshop import MACHINE, Bench

@@ -7,11 +7,11 @@ from typing import Any
 import httpx
 import pytest
 
-from server.api import create_app
 from server.app import Workshop
 from server.machine.controller import Controller
 from server.problems import ProblemError
 from sim.ncframe.settings import SimSettings
+from tests.harness.apps import create_app
 from tests.harness.ncworkshop import NcBench, simulated, stands
 from tests.harness.simloop import until
 from tests.harness.toolpathreader import read_toolpath

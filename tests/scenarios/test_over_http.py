@@ -12,8 +12,9 @@ import httpx
 import pytest
 from pydantic import BaseModel
 
-from server.api import create_app, machinemodels, models
+from server.api import machinemodels, models
 from sim.elvinto.settings import SimSettings
+from tests.harness.apps import create_app
 from tests.harness.asgisocket import AsgiSocket
 from tests.harness.simloop import run_simulated
 from tests.harness.workshop import Bench

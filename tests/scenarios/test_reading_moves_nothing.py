@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-from server.api import create_app
+from tests.harness.apps import create_app
 from tests.harness.grblworkshop import GrblBench
 from tests.harness.simloop import run_simulated
 from tests.harness.workshop import MACHINE, Bench

@@ -6,8 +6,8 @@ from typing import Any
 import httpx
 import pytest
 
-from server.api import create_app
 from server.api.grblmodels import CoolantResult, DefaultsResult, OverridesResult
+from tests.harness.apps import create_app
 from tests.harness.fakeworkshop import BASE_URL
 from tests.harness.panelbench import API, api, ask, bench
 from tests.harness.simloop import run_simulated, until

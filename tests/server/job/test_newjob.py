@@ -9,10 +9,10 @@ import pytest
 from starlette.requests import ClientDisconnect
 
 from jobs import store
-from server.api import create_app
 from server.background.childworker import ChildEndedError
 from server.background.worker import InlineWorker
 from server.problems import ProblemError
+from tests.harness.apps import create_app
 from tests.harness.simloop import run_simulated
 from tests.harness.workshop import MACHINE, Bench, one_chunk
 
@@ -74,7 +74,7 @@ def test_who_asks_twice_waits_for_one_check_and_has_one_job(tmp_path: Path) -> N
 
 def test_a_client_that_goes_away_has_no_job_and_finds_the_check_done_when_it_comes_again(tmp_path: Path) -> None:
     async def story(bench: Bench, program: str) -> None:
-        app, shop = create_app(bench.shop), bench.shop  # type: ignore[arg-type]
+        app, shop = create_app(bench.shop), bench.shop
         body = b'{"program": "%s", "machine": "router", "force": true}' % program.encode()
 
         async def post(stays_s: float) -> list[int]:
