@@ -46,7 +46,7 @@ Words = list[tuple[str, float]]
 class Line(NamedTuple):
     """`steady`: it takes the axes as far as it was planned to. `alone`: nothing else may be in the controller while it
     is there. `syncs`: its ok proves that everything up to it is executed. `inert`: it makes no motion. `dwell_s`: so
-    long it may stay without an answer in Idle."""
+    long it may stay without an answer in Idle. `plain`: a motion and where it goes, nothing else, as nearly all are."""
 
     text: str
     data: bytes
@@ -56,11 +56,12 @@ class Line(NamedTuple):
     inert: bool = False
     dwell_s: float = 0.0
     tool: int | None = None
+    plain: bool = False
 
 
 _MAKE: Final = tuple.__new__
 """Makes a Line without the function that a NamedTuple has for it: there is one for every line."""
-_OF_A_MOVE: Final = (repeat(True), repeat(False), repeat(False), repeat(False), repeat(0.0), repeat(None))
+_OF_A_MOVE: Final = (repeat(True), repeat(False), repeat(False), repeat(False), repeat(0.0), repeat(None), repeat(True))
 """All of a Line but its text and its bytes."""
 
 
@@ -112,4 +113,5 @@ def read_line(text: str, line_chars: int) -> Line:
         inert=letters <= set("GMFSTN") and gcodes <= _INERT_GCODES and mcodes <= _INERT_MCODES,
         dwell_s=sum(value for letter, value in words if letter == "P") if 4.0 in gcodes else 0.0,
         tool=next((int(value) for letter, value in words if letter == "T"), None),
+        plain=_MOVES.fullmatch(text) is not None,
     )
