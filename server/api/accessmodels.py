@@ -6,7 +6,7 @@ of its making.
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field, StrictBool
+from pydantic import BaseModel, Field
 
 from server.api.machinemodels import HolderView
 from server.api.models import TIME, example, request_example
@@ -125,7 +125,7 @@ class ControlRequest(BaseModel):
     """`takeover`: also from somebody who has it."""
 
     model_config = request_example(takeover=True)
-    takeover: StrictBool = False
+    takeover: bool = False
 
 
 class ControlView(BaseModel):

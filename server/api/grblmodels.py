@@ -6,10 +6,10 @@ is refused; whatever moves a machine or writes its memory has bounds besides.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, StrictBool, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from server.api.machinemodels import AXES, AxisMove
-from server.api.models import example, request_example
+from server.api.models import WHOLE, example, request_example
 from server.machine.overrides import LEAST_PERCENT, MOST_PERCENT
 
 MAX_INFO_CHARS = 80
@@ -158,7 +158,7 @@ class StartupRequest(BaseModel):
 
     model_config = request_example(blocks=["G21", "G90"], force=False)
     blocks: Annotated[list[Annotated[str, Field(max_length=MAX_STARTUP_CHARS)]], Field(max_length=MAX_STARTUP_BLOCKS)]
-    force: StrictBool = False
+    force: bool = False
 
 
 # --- modes ----------------------------------------------------------------------------------------------------
@@ -190,7 +190,7 @@ class DefaultsResult(BaseModel):
 
 # --- what is pressed ------------------------------------------------------------------------------------------
 
-Percent = Annotated[int, Field(ge=LEAST_PERCENT, le=MOST_PERCENT)]
+Percent = Annotated[int, Field(ge=LEAST_PERCENT, le=MOST_PERCENT), WHOLE]
 
 
 class OverridesRequest(BaseModel):

@@ -7,24 +7,18 @@ here is refused.
 from typing import Annotated, Any, Literal
 
 from fastapi import Query
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, StrictInt, model_validator
+from pydantic import BaseModel, Field, StrictBool, StrictInt, model_validator
 
 from protocol.iocontrol.pins import PINS
 from protocol.iocontrol.tooltable import NUMBER_MAX, TOOLS_MAX
-from server.api.models import TIME, example, request_example
+from server.api.models import STRICT, TIME, WHOLE, example, request_example
 
 MAX_TABLE_CHARS = 1_000_000
 
 After = Annotated[int, Query(ge=0, le=2**53, description="Only events with a higher `id`")]
 
 
-def _whole(value: object) -> object:
-    return int(value) if isinstance(value, float) and value.is_integer() else value
-
-
-Whole = Annotated[StrictInt, BeforeValidator(_whole)]
-"""In JSON 3.0 is a whole number as 3 is; "3" and true are none."""
-Levels = Annotated[dict[str, StrictBool | Whole], Field(max_length=len(PINS))]
+Levels = Annotated[dict[str, StrictBool | Annotated[StrictInt, WHOLE]], Field(max_length=len(PINS))]
 
 
 class PinView(BaseModel):
@@ -97,15 +91,15 @@ class ToolRequest(BaseModel):
     """The tool that is in the spindle; 0: none."""
 
     model_config = request_example(tool=3)
-    tool: Annotated[Whole, Field(ge=0, le=NUMBER_MAX)]
+    tool: Annotated[int, Field(ge=0, le=NUMBER_MAX), WHOLE]
 
 
 class ToolEntry(BaseModel):
     """A line of the tool table. Lengths in the machine's units, angles in degrees."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-    number: Annotated[int, Field(ge=0, le=NUMBER_MAX)]
-    pocket: Annotated[int, Field(ge=0, le=NUMBER_MAX)]
+    model_config = STRICT
+    number: Annotated[int, Field(ge=0, le=NUMBER_MAX), WHOLE]
+    pocket: Annotated[int, Field(ge=0, le=NUMBER_MAX), WHOLE]
     diameter: float = 0.0
     x: float = 0.0
     y: float = 0.0

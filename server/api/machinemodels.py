@@ -6,9 +6,9 @@ refused; whatever moves a machine has bounds besides.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
-from server.api.models import TIME, example, request_example
+from server.api.models import STRICT, TIME, example, request_example
 
 AXES = ("x", "y", "z", "a", "b", "c")
 MAX_BLOCKS = 100
@@ -160,7 +160,7 @@ Distance = Annotated[float, Field(ge=-MAX_JOG_MM, le=MAX_JOG_MM)]
 class AxisMove(BaseModel):
     """Relative distances in mm (degrees for a, b, c). Strict, with what is made of it: `true` is no millimetre."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = STRICT
     x: Distance | None = None
     y: Distance | None = None
     z: Distance | None = None

@@ -6,11 +6,12 @@ answer (`result`) carries a problem as an answer over HTTP would.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StrictBool, TypeAdapter, model_validator
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
 from server.access.auth import Role
 from server.api.iomodels import Levels
 from server.api.machinemodels import MAX_FEED_MM_MIN, AxisMove
+from server.api.models import STRICT
 from server.live.subscription import DEFAULT_RATE_HZ, TOPICS, Filter
 
 MIN_RATE_HZ = 0.1
@@ -24,7 +25,7 @@ Rate = Annotated[float, Field(ge=MIN_RATE_HZ, le=MAX_RATE_HZ)]
 class Spoken(BaseModel):
     """What every message may carry: `id` comes back in its result."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = STRICT
     id: Annotated[str, Field(max_length=128)] | int | None = None
 
 
@@ -80,7 +81,7 @@ class Io(Spoken):
 
     type: Literal["io"]
     machine: MachineName | None = None
-    connect: StrictBool = False
+    connect: bool = False
     pins: Levels
 
 

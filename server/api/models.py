@@ -1,18 +1,22 @@
 """The shapes of requests and answers, with units, bounds and examples: what the OpenAPI document says.
 
 Not their meaning (the services), not the WebSocket's messages (`server/api/messages.py`) and not the shapes of what
-concerns a machine (`server/api/machinemodels.py`). The one rule: a request with a field that is not here is refused,
-for a misspelt `end_line` must not run a whole program.
+concerns a machine (`server/api/machinemodels.py`). The one rule: a request with a field that is not here, or of another
+type than JSON says, is refused, for a misspelt `end_line` must not run a whole program.
 """
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StrictBool, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 MAX_NOTE_CHARS = 2000
 
 TIME = "2026-03-01T09:30:00.250Z"
 PROGRAM_ID = "5f70bf18a086007016e948b04aed3b82103a36bea41755b6cddfaf10ace3c6ef"
+
+
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+"""Of what a client says in JSON: types are JSON's own. A text is no number and no truth value: `"false"` is neither."""
 
 
 def example(**fields: Any) -> ConfigDict:
@@ -21,8 +25,16 @@ def example(**fields: Any) -> ConfigDict:
 
 
 def request_example(**fields: Any) -> ConfigDict:
-    """The configuration of a request: no unknown keys, with its example."""
-    return ConfigDict(json_schema_extra={"examples": [fields]}, extra="forbid", allow_inf_nan=False)
+    """The configuration of a request: no unknown keys, nothing that is taken for something else, and its example."""
+    return ConfigDict(json_schema_extra={"examples": [fields]}, **STRICT)
+
+
+def _whole(value: object) -> object:
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+WHOLE = BeforeValidator(_whole)
+"""In JSON 3.0 is a whole number as 3 is; "3" and true are none. Stands behind the bounds, or the document lacks them."""
 
 
 class Problem(BaseModel):
@@ -186,14 +198,14 @@ class JobRequest(BaseModel):
     model_config = request_example(program=PROGRAM_ID, machine="router", note="second side")
     program: Annotated[str, Field(min_length=1, max_length=128)]
     machine: Annotated[str, Field(min_length=1, max_length=64)]
-    start_line: Annotated[int, Field(ge=1, le=2**53)] | None = None
-    end_line: Annotated[int, Field(ge=1, le=2**53)] | None = None
-    hold: StrictBool = False
-    force: StrictBool = False
+    start_line: Annotated[int, Field(ge=1, le=2**53), WHOLE] | None = None
+    end_line: Annotated[int, Field(ge=1, le=2**53), WHOLE] | None = None
+    hold: bool = False
+    force: bool = False
     note: Annotated[str, Field(max_length=MAX_NOTE_CHARS)] | None = None
     mode: Literal["run", "check"] = "run"
     on_error: Literal["hold", "stop", "ignore"] | None = None
-    ignored_errors: Annotated[list[Annotated[int, Field(ge=1, le=255)]], Field(max_length=64)] | None = None
+    ignored_errors: Annotated[list[Annotated[int, Field(ge=1, le=255), WHOLE]], Field(max_length=64)] | None = None
 
     @model_validator(mode="after")
     def _runs_forward(self) -> "JobRequest":
@@ -304,7 +316,7 @@ class MoveRequest(BaseModel):
     """The place in the queue, 1 is next."""
 
     model_config = request_example(position=1)
-    position: Annotated[int, Field(ge=1, le=2**53)]
+    position: Annotated[int, Field(ge=1, le=2**53), WHOLE]
 
 
 class BatchView(BaseModel):

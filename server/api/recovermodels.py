@@ -6,11 +6,11 @@ field of its own, `action`; every other field only describes.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, StrictBool, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from gcode.reentry import Purpose
 from jobs.reentry import MAX_BLOCKS
-from server.api.models import JobErrorView, example, request_example
+from server.api.models import WHOLE, JobErrorView, example, request_example
 from server.config.reentry import Clearance, PlungeFeed, ReentryWish, SpindleWait
 
 MAX_BLOCK_CHARS = 256
@@ -32,7 +32,7 @@ class RecoverRequest(BaseModel):
 
     model_config = request_example(action="from_line", line=601, clearance=20.0, operator_done=True)
     action: Literal["continue", "from_line"] | None = None
-    line: Annotated[int, Field(ge=1, le=2**53)] | None = None
+    line: Annotated[int, Field(ge=1, le=2**53), WHOLE] | None = None
     clearance: Clearance | None = None
     clearance_is_machine: bool | None = None
     plunge_feed: PlungeFeed | None = None
@@ -42,7 +42,7 @@ class RecoverRequest(BaseModel):
         | None
     ) = None
     operator_done: bool = False
-    force: StrictBool = False
+    force: bool = False
 
     @model_validator(mode="after")
     def _says_what_it_means(self) -> "RecoverRequest":
