@@ -1,15 +1,17 @@
 """A year of one machine in simulated time, by the day: jobs, pulled plugs, killed daemons; what is left by evening.
 
-Not what is made of the figures (soak.py). In the first half of the year daemons are killed and restarted; the second
-half is the life of one. The one rule: every job is judged by what the machine executed, and nothing that people left
+Not what is made of the figures (soak.py). In the first third of the year daemons are killed and restarted; the rest is
+the life of one. The one rule: every job is judged by what the machine executed, and nothing that people left
 behind is cleared away by anybody but the daemon itself.
 """
 
 import asyncio
 import gc
-import os
+import pickle
+import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,9 +19,10 @@ from random import Random
 from typing import Any
 
 from bench.soakmachines import LINES, MILLS, Mill
+from bench.soakmemory import malloc_kb, payload, resident_mb, sqlite_kb
 from bench.soakpeople import MACRO, People
 from jobs import history, seals
-from server.access import audit, auditing
+from server.access import audit, auditing, endedtokens
 from server.config.audit import AuditConfig
 from server.config.history import HistoryConfig
 from server.store import retention, sealing
@@ -31,12 +34,14 @@ MONTH_DAYS = 30
 IDLE_S = 10.0
 """Of the time between two jobs so much is simulated second by second, with the polls of an idle machine."""
 BREAKS = 0.12
-KILLS = 0.06
+KILLS = 0.09
 """Of all jobs."""
-RESTARTS = 0.05
+RESTARTS = 0.08
 ESTOPS = 0.1
 MACROS = 0.2
 """Of all days."""
+KILLING = 1 / 3
+"""Of the year: then no daemon is killed or restarted any more, and what the last one lets grow, grows on."""
 LIMIT_S = 1e9
 
 
@@ -49,7 +54,7 @@ class Keeping:
 
 
 SOME = Keeping(
-    HistoryConfig(keep_days=20, keep_jobs=40, keep_unused_programs_days=3), AuditConfig(keep_rows=1000, keep_days=20)
+    HistoryConfig(keep_days=7, keep_jobs=14, keep_unused_programs_days=3), AuditConfig(keep_rows=1000, keep_days=7)
 )
 ALL = Keeping(HistoryConfig(), AuditConfig())
 """As long as nobody says anything."""
@@ -57,10 +62,15 @@ ALL = Keeping(HistoryConfig(), AuditConfig())
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What there is by evening. `pages` of the database, each 4 KiB, those that are in use; `rows` by table."""
+    """What there is by evening. `objects`: those that the collector knows; `blocks`: all pieces up to 512 bytes of
+    Python's own allocator, `malloc_kb` what is larger, or of other libraries, and `sqlite_kb` of SQLite. `pages` of the
+    database, each 4 KiB, those that are in use; `rows` by table, and `payload` its bytes, with those of its indexes."""
 
     day: int
     objects: int
+    blocks: int
+    malloc_kb: float
+    sqlite_kb: float
     resident_mb: float
     tasks: int
     threads: int
@@ -71,12 +81,14 @@ class Sample:
     programs_kb: float
     jobs: int
     rows: Mapping[str, int] = field(default_factory=dict)
+    payload: Mapping[str, int] = field(default_factory=dict)
 
     def __str__(self) -> str:
         rows = " ".join(f"{table} {count}" for table, count in self.rows.items() if count)
         return (
             f"day {self.day}: {self.jobs} jobs; {self.resident_mb:.1f} MiB, {self.objects:,} objects, "
-            f"{self.tasks} tasks, {self.threads} threads, {self.files} files; {self.pages} pages, "
+            f"{self.blocks:,} blocks, {self.malloc_kb:,.0f} + {self.sqlite_kb:,.0f} KiB, {self.tasks} tasks, "
+            f"{self.threads} threads, {self.files} files; {self.pages} pages, "
             f"WAL {self.wal_kb:.0f} KiB, {self.programs} files of programs, {self.programs_kb:.0f} KiB; rows: {rows}"
         )
 
@@ -92,19 +104,23 @@ class Year:
         self.days, self.jobs_a_day = days, jobs_a_day
         self.jobs = self.breaks = self.kills = self.restarts = self.estops = 0
         self._killing = True
+        self._passed_s = time.monotonic()
+        self.bench.monotonic = self._monotonic
 
     async def live(self, told: Callable[[Sample], None]) -> list[Sample]:
-        """All days."""
+        """All days. What was seen lies in a file meanwhile: it is not to grow in the memory that is looked at."""
         await self._serve()
-        samples = []
-        for day in range(1, self.days + 1):
-            self._killing = day <= self.days // 2
-            await self._day()
-            samples.append(self._look(day))
-            if day % MONTH_DAYS == 0:
-                told(samples[-1])
-        await self._end()
-        return samples
+        with tempfile.TemporaryFile() as seen:
+            for day in range(1, self.days + 1):
+                self._killing = day <= self.days * KILLING
+                await self._day()
+                sample = self._look(day)
+                pickle.dump(sample, seen)
+                if day % MONTH_DAYS == 0:
+                    told(sample)
+            await self._end()
+            seen.seek(0)
+            return [pickle.load(seen) for _ in range(self.days)]
 
     async def _day(self) -> None:
         for _ in range(self.jobs_a_day):
@@ -123,6 +139,7 @@ class Year:
         if self.keep.history.removes:
             await retention.remove_expired(self.keep.history, shop.db, shop.jobs.clock, shop.programs.delete)
         await auditing.remove_expired(self.keep.audit, shop.db, shop.jobs.clock)
+        await endedtokens.remove_old(shop.db, shop.jobs.clock)
 
     async def _job(self) -> None:
         far = self.random.randrange(800)
@@ -199,12 +216,18 @@ class Year:
         return self.random.random() < chance
 
     def _pass(self, seconds: float) -> None:
-        """Time for people alone."""
+        """Time for people, and for what they have signed in with; not for the machine, nor for who waits for it."""
         clock: Any = self.bench.shop.jobs.clock
         clock.set_back_s -= seconds
+        self._passed_s += seconds
+
+    def _monotonic(self) -> float:
+        return self._passed_s + asyncio.get_running_loop().time()
 
     def _look(self, day: int) -> Sample:
         gc.collect()
+        objects, blocks, malloc = len(gc.get_objects()), sys.getallocatedblocks(), malloc_kb()
+        sqlite = sqlite_kb()
         db = self.bench.databases[-1].db
 
         def number(query: str) -> int:
@@ -217,8 +240,11 @@ class Year:
         wal = self.bench.folder / "millstream.db-wal"
         return Sample(
             day=day,
-            objects=len(gc.get_objects()),
-            resident_mb=_resident_mb(),
+            objects=objects,
+            blocks=blocks,
+            malloc_kb=malloc - sqlite,
+            sqlite_kb=sqlite,
+            resident_mb=resident_mb(),
             tasks=len(asyncio.all_tasks()),
             threads=threading.active_count(),
             files=sum(1 for _ in Path("/proc/self/fd").iterdir()),
@@ -228,12 +254,8 @@ class Year:
             programs_kb=sum(programs) / 1024,
             jobs=self.jobs,
             rows={table: number(f'select count(*) from "{table}"') for table in tables if table[0] != "_"},
+            payload=payload(db.conn),
         )
-
-
-def _resident_mb() -> float:
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1024**2
 
 
 def lived(

@@ -5,6 +5,7 @@ other clocks, wires and databases (`Parts`).
 """
 
 import asyncio
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -61,12 +62,13 @@ def engine_factory(config: MachineConfig) -> EngineFactory:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What a workshop is made of that touches the world."""
+    """What a workshop is made of that touches the world. `monotonic`: seconds, for what people have signed in with."""
 
     clock: Clock
     open_db: Callable[[Path], Db]
     worker: Callable[[str], Worker]
     opener: Callable[[MachineConfig], Opener]
+    monotonic: Callable[[], float] = time.monotonic
 
     @classmethod
     def real(cls) -> "Parts":
@@ -112,7 +114,7 @@ class Workshop:
         folder.mkdir(parents=True, exist_ok=True)
         self.hub = Hub(clock=parts.clock.now)
         self.db = parts.open_db(config.server.database_path)
-        self.tokens = TokenStore(self.db, host=config.server.host, clock=parts.clock.now)
+        self.tokens = TokenStore(self.db, host=config.server.host, clock=parts.clock.now, monotonic=parts.monotonic)
         await self.tokens.load()
         self.audit = Audit(self.db, parts.clock)
         self.describer = self._worker(DESCRIBER)

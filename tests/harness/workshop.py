@@ -5,6 +5,7 @@ machine executed is read from the machine, never from the job.
 """
 
 import asyncio
+import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -80,6 +81,8 @@ class Bench:
     connect: Connect = plainly
     set_back_s: float = 0.0
     """What the clock for people is wrong by when the next daemon starts."""
+    monotonic: Callable[[], float] = time.monotonic
+    """The clock of what people have signed in with."""
 
     def __post_init__(self) -> None:
         self.machine = VirtualElvinto(self.settings)
@@ -110,6 +113,7 @@ class Bench:
             open_db=open_db,
             worker=lambda _name: InlineWorker(),
             opener=lambda _config: self.cable,
+            monotonic=self.monotonic,
         )
         self.shop = Workshop(self.config(), parts)
         await self.shop.start()
