@@ -11,6 +11,7 @@ from typing import Literal
 from protocol.commands import Position, SendBatch
 from protocol.elvinto.codec import encode_gcode
 from protocol.elvinto.exchange import Exchange
+from protocol.elvinto.homing import homing
 from protocol.elvinto.phases import STEPS, Flight, Phase, Unproven
 from protocol.elvinto.settle import Case, possible
 from protocol.errors import LocalError, MessageTooLongError
@@ -21,6 +22,7 @@ from protocol.events import (
     BatchSent,
     CommandDone,
     CommandFailed,
+    Homed,
     ProgramEnded,
     StateReported,
 )
@@ -37,6 +39,9 @@ repetitions are left to `settling.py`, which asks where the machine stands inste
 
 class Flights(Exchange, ABC):
     """What is in flight, at most one command."""
+
+    _ignores_home = False
+    """It was told to ignore G28 (W93)."""
 
     def _submit_batch(self, batch: SendBatch, now: float) -> None:
         if batch.id != self._ids.next:
@@ -231,7 +236,10 @@ class Flights(Exchange, ABC):
         self._go_idle(now)
 
     def _report_done(self, flight: Flight, *, inferred: bool) -> None:
+        homed, self._ignores_home = homing(flight.batch.blocks, ignored=self._ignores_home)
         if flight.token is not None:
+            if homed:
+                self._emit(Homed(()))
             self._emit(CommandDone(flight.token))
         elif flight.batch.locate_after or (flight.attempts > 1 and not flight.repeatable):
             repeated = flight.attempts > 1

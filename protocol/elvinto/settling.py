@@ -175,6 +175,7 @@ class Settling(Flights):
             self._unproven = None
         self._break_off("restart", None, f"the machine has restarted: {evidence}")
         self._standing = {}
+        self._ignores_home = False
         self._alarmed = False
         self._initialised = False
         self._greetings = 0

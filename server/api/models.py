@@ -34,7 +34,7 @@ def _whole(value: object) -> object:
 
 
 WHOLE = BeforeValidator(_whole)
-"""In JSON 3.0 is a whole number as 3 is; "3" and true are none. Stands behind the bounds, or the document lacks them."""
+"""In JSON 3.0 is a whole number as 3 is; "3" and true are none. Behind the bounds, or the document lacks them."""
 
 
 class Problem(BaseModel):

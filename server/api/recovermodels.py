@@ -27,7 +27,9 @@ class RecoverRequest(BaseModel):
     Only for a controller that is taken up by a plan (Grbl): `line` may be left out then. `clearance` (mm, program
     coordinates, or those of the machine with `clearance_is_machine`), `plunge_feed` (mm/min) and `spindle_wait` (s) go
     before the configuration. `blocks`: the plan as it was edited, sent in the place of its steps. `operator_done`: what
-    only people can do is done. `force`: although the machine is not homed.
+    only people can do is done.
+
+    `force`: although the machine is not homed, where that is needed (`needs` of the plan).
     """
 
     model_config = request_example(action="from_line", line=601, clearance=20.0, operator_done=True)

@@ -6,6 +6,7 @@ memory and stands where that line ends; `from_line` is the operator's own word.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from jobs import journal, store
@@ -60,7 +61,7 @@ class Recovery:
         if action == "continue":
             plan = await self._continue(controller, row, line, past.part)
         else:
-            self._taking_up.check_homed(controller, wish)
+            self._taking_up.check_homed(controller, row, wish)
             plan = await self._start(controller, row, line, wish)
         # Reading the program took a while: the machine may have changed.
         self._check_machine(controller, row)
@@ -75,7 +76,7 @@ class Recovery:
             if against is not None:
                 raise _no_continue(row, against)
         else:
-            self._taking_up.check_homed(controller, wish)
+            self._taking_up.check_homed(controller, row, wish)
         self._run(controller, row, plan, past, action)
 
     def _run(self, controller: Controller, row: Row, plan: Plan, past: Past, action: str) -> None:
@@ -103,11 +104,11 @@ class Recovery:
         """The line that a request means. Raises ProblemError for what this machine's protocol does not know."""
         if self._taking_up.plans_for(controller):
             return next_line(row) if line is None else line
-        if wish != AS_CONFIGURED:
+        if replace(wish, force=False) != AS_CONFIGURED:
             raise ProblemError(
                 "invalid_request",
                 f"{controller.name} goes on from where it stands: it takes a line and nothing else. Leave out "
-                "clearance, plunge_feed, spindle_wait, blocks, operator_done and force.",
+                "clearance, plunge_feed, spindle_wait, blocks and operator_done.",
             )
         return line
 
@@ -163,7 +164,7 @@ class Recovery:
                 blocks = await starter.worker.run(starter.planning.preview, plan)
         except (ProblemError, PlanError) as error:
             why = str(error)
-        return self._taking_up.view(controller, wish, line, plan), blocks, why
+        return self._taking_up.view(controller, row, wish, line, plan), blocks, why
 
     def _goes_on_only(self, controller: Controller) -> bool:
         """Whether a job can go on behind what is certain, and be taken up nowhere else (ncframe)."""

@@ -1,8 +1,8 @@
 """Taking a job up on a controller that forgets its modes at a reset (Grbl): what is needed for its plan, and its view.
 
-Not the plan (jobs/reentry.py) and not the deciding who may (recovery.py). For every other machine there is nothing
-here. The one rule: nothing moves while the position may be lost, or while people have something to do, unless the
-request says that they know.
+Not the plan (jobs/reentry.py) and not the deciding who may (recovery.py). Of every other machine there is nothing here
+but the question whether its position is lost. The one rule: nothing moves while the position may be lost, or while
+people have something to do, unless the request says that they know.
 """
 
 from dataclasses import replace
@@ -34,14 +34,21 @@ class TakingUp:
 
     # --- what has to be said ----------------------------------------------------------------------------------
 
-    def check_homed(self, controller: Controller, wish: ReentryWish) -> None:
+    def check_homed(self, controller: Controller, row: Row, wish: ReentryWish) -> None:
         """Raises ProblemError where the position may be lost and nobody says that it is not."""
-        if self.plans_for(controller) and not _is_homed(controller) and not wish.force:
+        if self._may_be_lost(controller, row) and not wish.force:
+            since = "connected or reset" if self.plans_for(controller) else "restarted in the middle of the job"
             raise ProblemError(
                 "wrong_state",
-                f"{controller.name} was not homed since it was connected or reset: its position may be lost. Home it, "
+                f"{controller.name} was not homed since it was {since}: its position may be lost. Home it, "
                 'or set its zero anew; "force": true goes on without.',
             )
+
+    def _may_be_lost(self, controller: Controller, row: Row) -> bool:
+        """A machine that remembers its lines (ElVinto) has said so when it restarted; of another nobody knows it."""
+        if self._starter.pieces[controller.name].frames is not None:  # taken up at no line at all
+            return False
+        return not _is_homed(controller) and (self.plans_for(controller) or bool(row["restarted"]))
 
     def _way(self, controller: Controller, wish: ReentryWish) -> Way | None:
         piece = self._starter.pieces[controller.name]
@@ -68,7 +75,7 @@ class TakingUp:
         """For looking at a plan: nobody has done anything yet, and nothing is edited."""
         return replace(wish, operator_done=True, blocks=None)
 
-    def view(self, controller: Controller, wish: ReentryWish, line: int, plan: Plan | None) -> dict[str, Any]:
+    def view(self, controller: Controller, row: Row, wish: ReentryWish, line: int, plan: Plan | None) -> dict[str, Any]:
         """The plan of a line block by block, and what a request that runs it must say besides the line."""
         reentry, way = None if plan is None else plan.reentry, self._way(controller, wish)
         shown = Reentry((), 0, (), {}).to_json() if reentry is None else reentry.to_json()
@@ -78,7 +85,7 @@ class TakingUp:
         if self.plans_for(controller):
             needs += ["clearance"] * (way is None and line > 1)
             needs += ["operator_done"] * any(not step["text"] for step in shown["steps"])
-            needs += ["force"] * (not _is_homed(controller))
+        needs += ["force"] * self._may_be_lost(controller, row)
         return {**shown, "needs": needs, "way": None if way is None else _way_view(way)}
 
     async def against(self, controller: Controller, row: Row) -> str | None:

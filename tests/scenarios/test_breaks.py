@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import pytest
 
+from server.config.reentry import ReentryWish
 from server.machine.jobstream import JobStream
 from server.problems import ProblemError
 from sim.elvinto.settings import SimSettings
@@ -176,8 +177,11 @@ def test_a_machine_that_restarts_gets_not_one_block_more(tmp_path: Path, repeat:
             assert view["error"]["line_from"] <= len(stood) <= view["error"]["line_to"]
         plan = await shop.jobs.recover(job["id"])
         assert plan["restarted"]
-        assert not plan["can_continue"]
-        await shop.jobs.recover(job["id"], "from_line", 50)
+        assert (plan["can_continue"], plan["needs"]) == (False, ["force"])
+        with pytest.raises(ProblemError, match="not homed"):
+            await shop.jobs.recover(job["id"], "from_line", 50)
+        assert bench.executed() == stood, "where it stands nobody knows"
+        await shop.jobs.recover(job["id"], "from_line", 50, ReentryWish(force=True))
         await bench.status(job["id"], "completed")
         assert plain(bench.executed()[len(stood) :])[1:] == wanted()[49:]
         await shop.stop()

@@ -198,3 +198,29 @@ def test_lines_in_doubt_forbid_continue_and_are_named(tmp_path: Path) -> None:
         await shop.stop()
 
     run_simulated(main())
+
+
+def test_a_machine_that_restarted_is_taken_up_when_it_is_homed_or_somebody_says_so(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = bench_with(tmp_path)
+        shop = await bench.connected()
+        job = (await bench.job(PROGRAM))["id"]
+        await until(lambda: len(bench.executed()) >= 25, within_s=60, step_s=0.01)
+        bench.machine.restart(asyncio.get_running_loop().time())
+        bench.cable.touch()
+        await bench.status(job, "interrupted")
+        mill = shop.machines[MACHINE]
+        await until(lambda: mill.link_status == "connected" and not mill.manual.busy, within_s=60)
+        assert (await shop.jobs.recover(job))["needs"] == ["force"]
+        assert (await refusal(shop.jobs.recover(job, "from_line", 30))).code == "wrong_state"
+        await mill.run_blocks(["W93", "G28"])
+        assert (await shop.jobs.recover(job))["needs"] == ["force"], "it was told to ignore G28"
+        await mill.run_blocks(["W94"])
+        await mill.home()
+        await until(lambda: mill.state.homed is True, within_s=60)
+        assert (await shop.jobs.recover(job))["needs"] == []
+        await shop.jobs.recover(job, "from_line", 30)
+        await bench.status(job, "completed")
+        await shop.stop()
+
+    run_simulated(main())

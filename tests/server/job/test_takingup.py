@@ -40,6 +40,7 @@ def plan(*steps: Step) -> Plan:
     return Plan(None, 5, (), Reentry(steps, 0, ("look out",), {"x": 1.0}))  # type: ignore[arg-type]
 
 
+KEPT, GONE = {"restarted": 0}, {"restarted": 1}
 LIFT = Step("G0 Z5", "lift")
 PEOPLE = Step("", "operator", "make sure that tool 3 is in the spindle")
 
@@ -52,12 +53,25 @@ def test_a_position_that_may_be_lost_needs_a_word(homed: bool | None, force: boo
     wish = ReentryWish(force=force)
     if refused:
         with pytest.raises(ProblemError, match="not homed") as problem:
-            taking_up().check_homed(machine, wish)
+            taking_up().check_homed(machine, KEPT, wish)
         assert problem.value.code == "wrong_state"
     else:
-        taking_up().check_homed(machine, wish)
-    taking_up().check_homed(Machine(True), AS_CONFIGURED)  # type: ignore[arg-type]
-    taking_up("elvinto").check_homed(machine, AS_CONFIGURED)
+        taking_up().check_homed(machine, KEPT, wish)
+    taking_up().check_homed(Machine(True), KEPT, AS_CONFIGURED)  # type: ignore[arg-type]
+    taking_up("elvinto").check_homed(machine, KEPT, AS_CONFIGURED)
+
+
+@pytest.mark.parametrize("homed", [None, False, True])
+def test_a_machine_that_has_restarted_in_the_job_needs_the_same_word(homed: bool | None) -> None:
+    machine: Any = Machine(homed)
+    up = taking_up("elvinto")
+    assert up.view(machine, GONE, AS_CONFIGURED, 5, None)["needs"] == ([] if homed else ["force"])
+    if not homed:
+        with pytest.raises(ProblemError, match="not homed since it was restarted") as problem:
+            up.check_homed(machine, GONE, AS_CONFIGURED)
+        assert problem.value.code == "wrong_state"
+    up.check_homed(machine, GONE, ReentryWish(force=homed is not True))
+    taking_up("ncframe").check_homed(machine, GONE, AS_CONFIGURED)  # it is taken up at no line at all
 
 
 @pytest.mark.parametrize(
@@ -74,7 +88,7 @@ def test_what_a_request_has_to_say_besides(
     needs: list[str], homed: bool | None, reentry: dict[str, Any], steps: tuple[Step, ...], line: int
 ) -> None:
     machine: Any = Machine(homed)
-    shown = taking_up(**reentry).view(machine, AS_CONFIGURED, line, plan(*steps))
+    shown = taking_up(**reentry).view(machine, KEPT, AS_CONFIGURED, line, plan(*steps))
     assert shown["needs"] == needs
     assert [step["text"] for step in shown["steps"]] == [step.text for step in steps]
 
@@ -82,18 +96,18 @@ def test_what_a_request_has_to_say_besides(
 def test_the_way_is_shown_as_it_would_be_gone() -> None:
     machine: Any = Machine(homed=True)
     up = taking_up(clearance=5.0, plunge_feed=60.0)
-    assert up.view(machine, ReentryWish(clearance=9.0), 5, None)["way"] == {
+    assert up.view(machine, KEPT, ReentryWish(clearance=9.0), 5, None)["way"] == {
         "clearance": 9.0,
         "clearance_is_machine": False,
         "plunge_feed": 60.0,
         "spindle_wait": 3.0,
     }
-    assert taking_up().view(machine, AS_CONFIGURED, 5, None)["way"] is None
+    assert taking_up().view(machine, KEPT, AS_CONFIGURED, 5, None)["way"] is None
 
 
 def test_for_other_machines_there_is_nothing_here() -> None:
     machine: Any = Machine(None)
-    shown = taking_up("elvinto", clearance=5.0).view(machine, AS_CONFIGURED, 5, None)
+    shown = taking_up("elvinto", clearance=5.0).view(machine, KEPT, AS_CONFIGURED, 5, None)
     assert shown == {"steps": [], "takes_over": 0, "warnings": [], "place": {}, "needs": [], "way": None}
 
 
