@@ -6,10 +6,11 @@ Not the checks of Host and Origin (`guard.py`). The one rule: a role is judged b
 import asyncio
 import inspect
 from collections.abc import Callable, Coroutine, Iterator
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
+from functools import wraps
 from http import HTTPStatus
 from itertools import islice
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from fastapi import FastAPI, Request
 from fastapi.routing import APIRoute, _endpoint_context_cache
@@ -110,19 +111,36 @@ class RoleRoute(APIRoute):
         # errors that we do not raise: 20 ms of the loop and a look at the disk, and an e-stop is a first request, too.
         _endpoint_context_cache[id(self.endpoint)] = {"function": self.name}
         streamed = getattr(self.endpoint, STREAMED_ATTRIBUTE, False)
-        by_hand = getattr(self.endpoint, BY_HAND_ATTRIBUTE, False)
 
         async def guarded(request: Request) -> Response:
             admit(principal_of(request), role)
             if not streamed:
                 request = Request(request.scope, _bounded(request.receive))
-            with control_of(request) if by_hand else nullcontext():
-                response = await handler(request)
+            response = await handler(request)
             if response.status_code == HTTPStatus.CREATED:
                 _note_made(request, response)
             return response
 
         return guarded
+
+
+def _in_control(endpoint: Endpoint) -> Endpoint:
+    """The endpoint with the control of its machine. That is taken when the request has been read and is as documented:
+    one that is slow to come, or wrong, takes it from nobody."""
+    signature = inspect.signature(endpoint)
+    asks = "request" in signature.parameters
+
+    @wraps(endpoint)
+    async def controlled(request: Request, **given: Any) -> Response:
+        with control_of(request):
+            response: Response = await (endpoint(request=request, **given) if asks else endpoint(**given))
+        return response
+
+    if not asks:
+        ours = inspect.Parameter("request", inspect.Parameter.KEYWORD_ONLY, annotation=Request)
+        signature = signature.replace(parameters=[*signature.parameters.values(), ours])
+    controlled.__signature__ = signature  # type: ignore[attr-defined]
+    return cast(Endpoint, controlled)
 
 
 def _note_made(request: Request, response: Response) -> None:
@@ -190,6 +208,7 @@ class Routes:
             requires(role)(endpoint)
             setattr(endpoint, STREAMED_ATTRIBUTE, streamed)
             setattr(endpoint, BY_HAND_ATTRIBUTE, by_hand)
+            called = _in_control(endpoint) if by_hand else endpoint
             codes = (*errors, *EVERYWHERE, *(WHEN_CLOSED if role is not Role.PUBLIC else ()))
             codes += ("control_held",) if by_hand else ()
             codes += () if method == "GET" else ("bad_origin",)
@@ -197,7 +216,7 @@ class Routes:
             codes += ("malformed_json", "too_large") if _takes_json(endpoint) else ()
             self._app.router.add_api_route(
                 self._prefix + path,
-                endpoint,
+                called,
                 route_class_override=RoleRoute,
                 tags=[self._tag],
                 methods=[method],

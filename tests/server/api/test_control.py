@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from collections.abc import AsyncIterator
 from typing import Any
 
 import httpx
@@ -14,6 +15,7 @@ from tests.harness.fakeworkshop import FakeServerSettings, FakeWorkshop, bearer
 from tests.harness.simloop import run_simulated as run
 
 CONTROL = "/api/v1/machines/router/control"
+JSON = {"Content-Type": "application/json"}
 JOG = {"type": "jog", "x": 1, "feed": 600}
 HOME = "/api/v1/machines/router/home"
 ON_THE_LAN = FakeServerSettings(host="0.0.0.0")
@@ -126,6 +128,36 @@ def test_what_is_refused_takes_nothing() -> None:
             assert (await anna.post("/api/v1/machines/router/jog", json={"x": "far"})).status_code == 422
             assert (await bert.get(CONTROL)).json()["holder"] is None
             assert (await anna.post("/api/v1/machines/nothing/home")).json()["code"] == "unknown_machine"
+
+    run(main())
+
+
+def test_a_request_that_is_wrong_or_still_on_its_way_takes_nothing_and_keeps_nothing() -> None:
+    async def main() -> None:
+        async with Shop() as shop:
+            anna, bert = await shop.person("anna"), await shop.person("bert")
+            shown: list[Any] = []
+            shop.router.show_control = shown.append  # type: ignore[method-assign]
+            for body in (b"{", b"{}", b'{"x": 1, "feed": "fast"}', b'{"x": 1}', b"[" * 100_000):
+                answer = await anna.post("/api/v1/machines/router/jog", content=body, headers=JSON)
+                assert answer.status_code in (400, 422)
+            assert shown == [], "it is not even seen for a moment"
+            come = asyncio.Event()
+
+            async def slowly() -> AsyncIterator[bytes]:
+                yield b'{"x": 1,'
+                await come.wait()
+                yield b'"feed": 600}'
+
+            waiting = asyncio.create_task(anna.post("/api/v1/machines/router/jog", content=slowly(), headers=JSON))
+            await asyncio.sleep(1)
+            assert (await bert.post(HOME)).status_code == 202
+            come.set()
+            assert (await waiting).json()["code"] == "control_held"
+            await asyncio.sleep(LEASE_S - 1)
+            assert (await bert.post("/api/v1/machines/router/jog", json={"x": "1"})).status_code == 422
+            await asyncio.sleep(2)
+            assert (await anna.post(HOME)).status_code == 202, "what is wrong does not keep it either"
 
     run(main())
 
