@@ -226,6 +226,9 @@ class Year:
 
     def _look(self, day: int) -> Sample:
         gc.collect()
+        # Python keeps the 4096 names of attributes it looked up last, also such as were put together just for that (its
+        # own http.cookiejar does it for every answer): a table with a bound, which takes years to fill.
+        sys._clear_type_cache()
         objects, blocks, malloc = len(gc.get_objects()), sys.getallocatedblocks(), malloc_kb()
         sqlite = sqlite_kb()
         db = self.bench.databases[-1].db
