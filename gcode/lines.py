@@ -7,6 +7,7 @@ reads it can see and refuse it.
 
 import re
 from collections.abc import Iterable, Iterator
+from itertools import chain
 
 MAX_LINE_BYTES = 262_144
 """Real programs have comment lines of 12 kB; beyond this it is no program, and memory would grow with it."""
@@ -59,8 +60,8 @@ def split_lines(chunks: Iterable[bytes]) -> Iterator[bytes]:
 
     A last line without an end counts; an empty rest after the last end does not.
     """
-    for piece in pieces(chunks, _LINES_AT_ONCE_BYTES):
-        yield from piece.splitlines()
+    # No generator that gives out line by line: there would be one step of it for every line of a job.
+    return chain.from_iterable(map(bytes.splitlines, pieces(chunks, _LINES_AT_ONCE_BYTES)))
 
 
 def _end_of_piece(data: bytes, begin: int, size: int) -> int:

@@ -7,7 +7,6 @@ before it began (elvinto §5.4).
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import islice
 from math import isnan
 from typing import Protocol, Self
 
@@ -16,8 +15,9 @@ from gcode.interpreter import power_on
 from gcode.motion import Motion
 from gcode.profile import Profile
 from gcode.state import State
+from jobs.stretch import Ahead, Stretch, Upcoming
 from jobs.toolblocks import ToolBlocks
-from jobs.upcoming import LINES_AT_ONCE, BlockReader, PlanError, Rules, Upcoming
+from jobs.upcoming import LINES_AT_ONCE, BlockReader, PlanError, Rules
 from protocol.commands import Position
 from protocol.errors import LocalError
 
@@ -45,7 +45,7 @@ class BatchLimits:
         return min(self.max_batch_bytes, self.max_block_bytes or self.max_batch_bytes)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # not frozen, as nobody changes one: the making would take four times as long
 class PlannedBatch:
     """Consecutive blocks that go out as one command; lines are those of the file, from 1, both inclusive.
 
@@ -146,8 +146,8 @@ class Reader(Protocol):
     def skip(self) -> None:
         """Follow what comes before the first line that is to go out."""
 
-    def more(self, most_lines: int) -> tuple[list[Upcoming], int]:
-        """The next blocks, up to a barrier, and how many lines that took. Raises PlanError, OSError."""
+    def more(self, most_lines: int) -> Stretch:
+        """The next blocks, up to a barrier, of at most so many lines: there may be none. Raises PlanError, OSError."""
 
 
 class BatchPlanner:
@@ -194,9 +194,10 @@ class BatchPlanner:
     def _begin(self, reader: Reader, limits: BatchLimits) -> None:
         self._reader = reader
         self._limits = limits
-        self._ahead: list[Upcoming] = []
+        self._ahead = Ahead()
         self._fitting = 0
         self._before: Place | None = None
+        self._start: Position | None = None  # the same, once a batch has ended there
         self._previous_start: Place | None = None
         self._broken: PlanError | OSError | None = None
         self.reading = False
@@ -225,10 +226,10 @@ class BatchPlanner:
         Raises LocalError anywhere else, as blocks have been read ahead from another position.
         """
         self._reader.skip()
-        if self._ahead:
+        if self._ahead.left or self._ahead.blocks.alone is not None:
             raise LocalError("relocate in the middle of blocks that are already planned")
         self._reader.relocate(position)
-        self._before = None
+        self._before = self._start = None
 
     def forget(self) -> None:
         """What was planned last is not sent: what comes behind it says anew what it needs."""
@@ -251,7 +252,10 @@ class BatchPlanner:
             self.read()
         if self._broken is not None:
             raise self._broken
-        return self._emit(self._choose()) if self._ahead else None
+        if self._ahead.left:
+            return self._emit(self._choose())
+        alone, self._ahead.blocks.alone = self._ahead.blocks.alone, None
+        return None if alone is None else self._emit_alone(alone)
 
     # --- reading ------------------------------------------------------------------------------------------------
 
@@ -260,8 +264,7 @@ class BatchPlanner:
         try:
             if self._before is None:
                 self._before = self._reader.place
-            found, _ = self._reader.more(LINES_AT_ONCE)
-            self._ahead += found
+            self._ahead.add(self._reader.more(LINES_AT_ONCE))
         except (PlanError, OSError) as error:
             self._broken = error
         finally:
@@ -270,44 +273,33 @@ class BatchPlanner:
     @property
     def _full(self) -> bool:
         """A bound is passed, a barrier stands there, or the program ends; else there is more to read."""
-        ahead = self._ahead
-        self._fitting = _fitting(ahead, self._limits)
-        return self._fitting < len(ahead) or bool(ahead and ahead[-1].barrier) or self._reader.ended
+        ahead, limits = self._ahead, self._limits
+        self._fitting = ahead.fitting(limits.max_batch_blocks, limits.max_batch_bytes, limits.max_batch_seconds)
+        return self._fitting < ahead.left or ahead.blocks.alone is not None or self._reader.ended
 
     # --- choosing where to end ----------------------------------------------------------------------------------
 
     def _choose(self) -> int:
         """How many of the blocks ahead make the next batch."""
-        ahead = self._ahead
-        if ahead[0].barrier:
-            return 1
-        count = self._fitting
-        # A barrier is the last that has been read, always; it does not go with the others.
-        if count == len(ahead) and ahead[-1].barrier:
-            count -= 1
-        elif count < len(ahead) and not ahead[count].barrier:
-            count = self._without_still_tail(count)
-        if self._limits.position_tolerance_mm is None or self._is_told_apart(ahead[count - 1].end):
+        ahead, count = self._ahead, self._fitting
+        if count < ahead.left:
+            # Blocks that move nothing go with the motion that follows them, not at the end of a batch.
+            count = ahead.up_to_motion(count) or count
+        if self._limits.position_tolerance_mm is None or self._is_told_apart(ahead.end(count)):
             return count
         return self._earlier(count)
-
-    def _without_still_tail(self, count: int) -> int:
-        """Blocks that move nothing go with the motion that follows them, not at the end of a batch."""
-        for shorter in range(count, 0, -1):
-            if self._ahead[shorter - 1].moves:
-                return shorter
-        return count
 
     def _earlier(self, count: int) -> int:
         """An earlier end that can be told apart; `count` when there is none.
 
         Leaving a single motion over would only pass the same trouble on to the next batch, so that comes last.
         """
-        ends = [n for n in range(count - 1, 0, -1) if self._ahead[n - 1].moves]
-        told_apart = [n for n in ends if self._is_told_apart(self._ahead[n - 1].end)]
+        moves = self._ahead.blocks.moves[self._ahead.at :][:count]
+        ends = [n for n in range(count - 1, 0, -1) if moves[n - 1]]
+        told_apart = [n for n in ends if self._is_told_apart(self._ahead.end(n))]
         if not told_apart:
             return count
-        several_left = [n for n in told_apart if sum(item.moves for item in self._ahead[n:count]) > 1]
+        several_left = [n for n in told_apart if moves.count(1, n) > 1]
         return (several_left or told_apart)[0]
 
     def _is_told_apart(self, end: Place) -> bool:
@@ -316,59 +308,69 @@ class BatchPlanner:
         starts = (self._before, self._previous_start)
         return all(start is None or _differs(end, start, apart_mm) for start in starts)
 
+    # --- batches ------------------------------------------------------------------------------------------------
+
     def _emit(self, count: int) -> PlannedBatch:
-        items = self._ahead[:count]
-        del self._ahead[:count]
-        first, last = items[0], items[-1]
-        start, barrier = self._before, first.barrier
-        assert start is not None
-        self._previous_start, self._before = start, last.end
-        lines = [item.line for item in items]
-        if first.behind:
-            lines += [first.line] * len(first.behind)
-        plain = not any(item.part or item.io for item in items)  # nearly all are: one look at each is enough
+        ahead, blocks = self._ahead, self._ahead.blocks
+        begin, end = ahead.at, ahead.at + count
+        parts = [blocks.parts.get(place, 0) for place in range(begin, end)] if blocks.parts else []
+        lines = ahead.lines(count)
+        ahead.at = end
+        starts_at, ends_at = self._goes_to(blocks.end(end - 1))
         return PlannedBatch(
-            first_line=first.line,
-            last_line=last.line,
-            blocks=(*[item.text for item in items], *first.behind),
-            seconds=sum([item.seconds for item in items]),
-            start=self._position(start),
-            end=self._position(last.end),
-            barrier=barrier is not None,
-            locate_after=barrier is not None and barrier.locate,
-            ends_program=barrier is not None and barrier.ends_program,
-            tool=first.tool,
-            motion=any(item.moves for item in items),
-            tool_change=barrier is not None and barrier.tool_change,
-            lines=() if lines == [*range(first.line, first.line + len(lines))] else tuple(lines),
-            parts=tuple([item.part for item in items]) if not plain and any(item.part for item in items) else (),
-            pauses=barrier is not None and barrier.pauses,
-            io=() if plain else tuple([word for item in items for word in item.io]),
-            set_tool=None if barrier is None else barrier.set_tool,
-            reach_mm=(*[item.reach_mm for item in items], *[0.0] * len(first.behind)),
+            first_line=int(blocks.lines[begin]),
+            last_line=int(blocks.lines[end - 1]),
+            blocks=tuple(blocks.texts[begin:end]),
+            seconds=sum(blocks.seconds[begin:end]),
+            start=starts_at,
+            end=ends_at,
+            barrier=False,
+            locate_after=False,
+            ends_program=False,
+            tool=None,
+            motion=blocks.moves.find(1, begin, end) >= 0,
+            lines=lines,
+            parts=tuple(parts) if any(parts) else (),
+            io=tuple([word for place in range(begin, end) for word in blocks.io.get(place, ())]) if blocks.io else (),
+            reach_mm=tuple(blocks.reach_mm[begin:end]),
         )
+
+    def _emit_alone(self, block: Upcoming) -> PlannedBatch:
+        barrier = block.barrier
+        assert barrier is not None
+        start, end = self._goes_to(block.end)
+        return PlannedBatch(
+            first_line=block.line,
+            last_line=block.line,
+            blocks=(block.text, *block.behind),
+            seconds=block.seconds,
+            start=start,
+            end=end,
+            barrier=True,
+            locate_after=barrier.locate,
+            ends_program=barrier.ends_program,
+            tool=block.tool,
+            motion=block.moves,
+            tool_change=barrier.tool_change,
+            lines=(block.line,) * (1 + len(block.behind)) if block.behind else (),
+            parts=(block.part,) if block.part else (),
+            pauses=barrier.pauses,
+            io=block.io,
+            set_tool=barrier.set_tool,
+            reach_mm=(block.reach_mm, *[0.0] * len(block.behind)),
+        )
+
+    def _goes_to(self, end: Place) -> tuple[Position, Position]:
+        """Start and end of the next batch, which ends at this place."""
+        assert self._before is not None
+        start = self._position(self._before) if self._start is None else self._start
+        self._previous_start, self._before = self._before, end
+        self._start = self._position(end)
+        return start, self._start
 
     def _position(self, place: Place) -> Position:
         axes = self._reader.state.axes.lower()
         return {axis: value for axis, value in zip(axes, place, strict=True) if not isnan(value)}
-
-
-def _fitting(items: Iterable[Upcoming], limits: BatchLimits) -> int:
-    """How many of these blocks fit into one batch. One motion alone may be too long: it cannot be divided."""
-    most_s, most_bytes = limits.max_batch_seconds, limits.max_batch_bytes
-    size_bytes = -1  # one separator less than blocks
-    cost_s = 0.0
-    timed = 0
-    count = 0
-    for item in islice(items, limits.max_batch_blocks):
-        size_bytes += len(item.text) + 1
-        if item.cost_s > 0.0:
-            cost_s += item.cost_s
-            timed += 1
-        if size_bytes > most_bytes or (cost_s > most_s and timed > 1):
-            break
-        count += 1
-    return count
 
 
 def _differs(one: Place, other: Place, apart_mm: float) -> bool:

@@ -20,7 +20,8 @@ from gcode.profile import Profile
 from gcode.state import State
 from gcode.toolcodes import coolant_codes
 from jobs.barriers import Barrier
-from jobs.upcoming import PlanError, Upcoming
+from jobs.stretch import Stretch, Upcoming
+from jobs.upcoming import PlanError
 from protocol.commands import Position
 from protocol.errors import LocalError
 
@@ -114,25 +115,23 @@ class FrameBlocks:
             except PlanError as error:
                 self._broken = error
 
-    def more(self, most_lines: int) -> tuple[list[Upcoming], int]:
-        """The next frames, up to a stop, which comes alone, and how many lines that took: none at the end.
+    def more(self, most_lines: int) -> Stretch:
+        """The next frames, up to a stop, which comes alone, of at most so many lines: there may be none.
 
         Raises PlanError when the very next line cannot be sent, OSError when the program cannot be read.
         """
         self.skip()
-        taken = 0
         if not self._ready:
             if self._broken is not None:
                 raise self._broken
-            taken = self._read(most_lines)
+            self._read(most_lines)
         found: list[Upcoming] = []
-        while self._ready and (self._ready[0].barrier is None or not found):
+        while self._ready and self._ready[0].barrier is None:
             found.append(self._ready.popleft())
-            if found[-1].barrier is not None:
-                break
-        if found:
-            self._place = found[-1].end
-        return found, taken
+        alone = self._ready.popleft() if self._ready and not found else None
+        if found or alone is not None:
+            self._place = (alone or found[-1]).end
+        return Stretch.of(found, alone)
 
     # --- reading ------------------------------------------------------------------------------------------------
 

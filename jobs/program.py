@@ -168,9 +168,12 @@ def _chunks(file: BinaryIO) -> Iterator[bytes]:
 
 
 def _numbered(file: BinaryIO, number: int, first: int, last: int | None) -> Iterator[tuple[int, bytes]]:
-    with file:
-        lines = enumerate(split_lines(iter(lambda: file.read(CHUNK_BYTES), b"")), number)
-        yield from islice(lines, first - number, None if last is None else max(0, last - number + 1))
+    if last is not None and last < first:
+        file.close()
+        return iter(())
+    # No generator that gives out line by line: there would be one step of it for every line of a job.
+    lines = enumerate(split_lines(_chunks(file)), number)
+    return islice(lines, first - number, None if last is None else last - number + 1)
 
 
 class Writer:

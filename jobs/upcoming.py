@@ -1,7 +1,7 @@
 """Lines of a program to blocks that are ready to go: their wire text, how long they take, where they end.
 
-Some hundred lines are worked on at once (numpy), which is what makes it cheap; what comes out is one block after the
-other. Not the batches; that is batch.py. The one rule: nothing behind a barrier is executed, not even in thought,
+Some hundred lines are worked on at once (numpy), which is what makes it cheap; what comes out are columns (stretch.py).
+Not the batches; that is batch.py. The one rule: nothing behind a barrier is executed, not even in thought,
 before it is asked for, because only the machine can say where it stands then.
 """
 
@@ -26,6 +26,7 @@ from gcode.words import Block, parse_block
 from gcode.writer import Writer
 from jobs import ways
 from jobs.barriers import Barrier, barrier_of, io_words
+from jobs.stretch import IoWords, Stretch, Upcoming
 from jobs.toolblocks import ToolBlocks, leading, rest_of, restoring, wanted_by
 from protocol.commands import Position
 from protocol.errors import LocalError
@@ -42,28 +43,6 @@ class PlanError(LocalError):
     def __init__(self, line: int, reason: str) -> None:
         super().__init__(f"line {line}: {reason}")
         self.line = line
-
-
-@dataclass(slots=True)  # not frozen: that doubles the time of making one, and there is one a block
-class Upcoming:
-    """A block. `cost_s` counts against the bound of a batch: without end where the length is not known.
-
-    `end`: where the machine stands behind it, program coordinates in the order of the state's axes, NaN unknown.
-    `part`, `io`, `reach_mm`: as in jobs.batch.PlannedBatch. `behind`: further blocks of the same line that go with it.
-    """
-
-    line: int
-    text: str
-    seconds: float
-    cost_s: float
-    moves: bool
-    end: tuple[float, ...]
-    reach_mm: float = 0.0
-    barrier: Barrier | None = None
-    tool: int | None = None
-    part: int = 0
-    io: tuple[tuple[str, int], ...] = ()
-    behind: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +69,7 @@ class _Piece:
     columns: Columns
     blocks: Blocks
     at: int = 0
-    io: dict[int, tuple[tuple[str, int], ...]] = field(default_factory=dict)
+    io: dict[int, IoWords] = field(default_factory=dict)
 
 
 class BlockReader:
@@ -149,33 +128,26 @@ class BlockReader:
                 return
             before = piece
 
-    def more(self, most_lines: int) -> tuple[list[Upcoming], int]:
-        """The next blocks, up to a barrier, and how many lines that took: none at the end of the program.
+    def more(self, most_lines: int) -> Stretch:
+        """The next blocks, up to a barrier, of at most so many lines: there may be none.
 
         Raises PlanError when the very next line cannot be sent, OSError when the program cannot be read.
         """
         self.skip()
         if self._behind:
             found, self._behind = self._behind, []
-            return found, 0
-        loaded = 0
-        if self._piece is None or self._piece.at >= len(self._piece.lines):
-            loaded = self._load(min(most_lines, LINES_AT_ONCE))
-            if not loaded:
-                return [], 0
+            return Stretch.of(found)
+        if (self._piece is None or self._piece.at >= len(self._piece.lines)) and not self._load(most_lines):
+            return Stretch.of(())
         piece = self._piece
         assert piece is not None
         begin = piece.at
         end, barrier = self._stop(piece)
-        if barrier is not None and self._rules.tools is not None and barrier.of_tools:
-            return self._change(piece, begin, barrier, self._rules.tools), max(loaded, 1)
-        segments, written = self._execute(piece, begin, end)
-        found = self._given_out(piece, begin, end, segments, written)
-        if barrier is not None and found and found[-1].line == piece.lines[end - 1]:
-            found[-1].barrier = barrier
-            found[-1].tool = self.state.tool if barrier.tool_change else None
-            self.forget()
-        return found, max(loaded, end - begin)
+        if barrier is None:
+            return self._given_out(piece, begin, end, *self._execute(piece, begin, end))
+        if self._rules.tools is not None and barrier.of_tools:
+            return Stretch.of((), self._change(piece, begin, barrier, self._rules.tools))
+        return self._given_out_alone(piece, begin, barrier)
 
     # --- reading ------------------------------------------------------------------------------------------------
 
@@ -185,11 +157,12 @@ class BlockReader:
         if not taken:
             self.ended, self._piece = True, None
             return 0
-        columns = read_columns(b"\n".join(raw for _, raw in taken) + b"\n", encoding=self._rules.encoding)
+        numbers, texts = zip(*taken, strict=True)
+        columns = read_columns(b"\n".join((*texts, b"")), encoding=self._rules.encoding)
         blocks = self._reading.blocks(columns)
         self._writer.open(columns)
         said = io_words(columns, blocks, self._reading.table)
-        self._piece = _Piece([line for line, _ in taken], columns, blocks, io=said)
+        self._piece = _Piece([*numbers], columns, blocks, io=said)
         return len(taken)
 
     def _stop(self, piece: _Piece) -> tuple[int, Barrier | None]:
@@ -245,34 +218,47 @@ class BlockReader:
             written.append(self._writer.text(block))
         return self._reading.take(), written
 
-    def _given_out(self, piece: _Piece, begin: int, end: int, segments: Segments, written: list[str]) -> list[Upcoming]:
+    def _given_out(self, piece: _Piece, begin: int, end: int, segments: Segments, written: list[str]) -> Stretch:
         count = end - begin
-        rows = segments.line - begin
-        each_s = plan(segments, self._rules.motion)
-        seconds = np.bincount(rows, weights=each_s, minlength=count)
-        uncertain = np.bincount(rows, weights=ways.is_uncertain(segments, piece.blocks), minlength=count) > 0
-        cost_s = np.where(uncertain, inf, seconds).tolist()
-        moves = (np.bincount(rows, weights=segments.kind != DWELL, minlength=count) > 0).tolist()
-        places = ways.places(segments, begin, count, self.place)
-        reaches_mm = ways.reaches_mm(segments, rows, count)
-        if max(map(len, written), default=0) > self._rules.max_block_bytes:
+        sizes = np.fromiter(map(len, written), np.int64, count)
+        if sizes.max() > self._rules.max_block_bytes:
             self._refuse_too_long(piece.lines[begin:end], written)
-        found = [
-            Upcoming(line, text, seconds_of, cost_of, moves_axes, place, reach_mm)
-            for line, text, seconds_of, cost_of, moves_axes, place, reach_mm in zip(
-                piece.lines[begin:end], written, seconds.tolist(), cost_s, moves, places, reaches_mm, strict=True
-            )
-            if text
-        ]
-        if piece.io:
-            said = {piece.lines[row]: words for row, words in piece.io.items() if begin <= row < end}
-            for item in found:
-                item.io = said.get(item.line, ())
-        return found
+        rows = segments.line - begin
+        seconds = np.bincount(rows, weights=plan(segments, self._rules.motion), minlength=count)
+        uncertain = np.bincount(rows, weights=ways.is_uncertain(segments, piece.blocks), minlength=count) > 0
+        # What is no number counts nothing.
+        cost_s = np.where(uncertain, inf, np.fmax(seconds, 0.0))
+        moves = np.bincount(rows, weights=segments.kind != DWELL, minlength=count) > 0
+        sent = np.flatnonzero(sizes)
+        return Stretch(
+            lines=np.array(piece.lines[begin:end], np.int64)[sent],
+            texts=[*filter(None, written)],
+            sizes=sizes[sent],
+            seconds=seconds[sent].tolist(),
+            cost_s=cost_s[sent].tolist(),
+            moves=moves[sent].tobytes(),
+            ends=ways.places(segments, begin, count, self.place)[sent],
+            reach_mm=ways.reaches_mm(segments, rows, count)[sent].tolist(),
+            io={
+                int(np.searchsorted(sent, row - begin)): words
+                for row, words in piece.io.items()
+                if begin <= row < end and written[row - begin]
+            },
+        )
+
+    def _given_out_alone(self, piece: _Piece, row: int, barrier: Barrier) -> Stretch:
+        """A barrier; nothing, where there is nothing of it to send."""
+        found = self._given_out(piece, row, row + 1, *self._execute(piece, row, row + 1))
+        if not found.texts:
+            return found
+        alone = found.one(0)
+        alone.barrier, alone.tool = barrier, self.state.tool if barrier.tool_change else None
+        self.forget()
+        return Stretch.of((), alone)
 
     # --- tools that somebody else changes -------------------------------------------------------------------------
 
-    def _change(self, piece: _Piece, row: int, barrier: Barrier, tools: ToolBlocks) -> list[Upcoming]:
+    def _change(self, piece: _Piece, row: int, barrier: Barrier, tools: ToolBlocks) -> Upcoming:
         """The line of an M6 or M61 as other blocks; what restores the modes comes behind it."""
         piece.at = row + 1
         block, line, before = self._block(piece, row), piece.lines[row], self.state.copy()
@@ -290,7 +276,7 @@ class BlockReader:
         item.seconds += sum([other.seconds for other in more])
         item.moves |= any(other.moves for other in more)
         item.end = more[-1].end if more else item.end
-        return [item]
+        return item
 
     def _restored(self, line: int, modes: State, rest: str, tools: ToolBlocks) -> list[Upcoming]:
         """What makes the modes those of the program again, and what else stood in the line."""

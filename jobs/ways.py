@@ -21,7 +21,7 @@ def is_uncertain(segments: Segments, blocks: Blocks) -> Bools:
     return uncertain
 
 
-def reaches_mm(segments: Segments, rows: Ints, count: int) -> list[float]:
+def reaches_mm(segments: Segments, rows: Ints, count: int) -> Floats:
     """How far the last segment of each row takes one of X, Y, Z; 0 where that is not known, or may come otherwise."""
     linear = [row for axis in "XYZ" if (row := segments.row(axis)) is not None]
     way = np.nan_to_num(np.abs(segments.way[linear]))
@@ -29,15 +29,16 @@ def reaches_mm(segments: Segments, rows: Ints, count: int) -> list[float]:
     found = np.zeros(count)
     if linear:
         found[rows] = way.max(axis=0)
-    return list(found.tolist())
+    return found
 
 
-def places(segments: Segments, begin: int, count: int, behind: tuple[float, ...]) -> list[tuple[float, ...]]:
-    """Program coordinates behind each of `count` rows from `begin`; `behind` all of them.
+def places(segments: Segments, begin: int, count: int, behind: tuple[float, ...]) -> Floats:
+    """Program coordinates behind each of `count` rows from `begin`, (rows, axes); `behind` all of them.
 
     Where the next segment starts, and not where the one before ended: a cycle may leave the tool somewhere else.
     """
-    frames: Floats = np.array(segments.frames, np.float64).reshape(-1, len(segments.axes))[segments.frame].T
-    starts = [*zip(*(segments.start - frames).tolist(), strict=True), behind]
+    frames: Floats = np.array(segments.frames, np.float64).reshape(-1, len(segments.axes))[segments.frame]
+    starts = np.concatenate((segments.start.T - frames, [behind]))
     following = np.searchsorted(segments.line, np.arange(begin, begin + count), side="right")
-    return [starts[place] for place in following.tolist()]
+    found: Floats = starts[following]
+    return found

@@ -12,7 +12,8 @@ from gcode.ncframe.rules import FrameRules
 from gcode.profile import load_profile
 from jobs.batch import BatchLimits, BatchPlanner, PlannedBatch
 from jobs.frames import Behind, FrameBlocks
-from jobs.upcoming import PlanError, Upcoming
+from jobs.stretch import Upcoming
+from jobs.upcoming import PlanError
 from protocol.errors import LocalError
 
 PROFILE = load_profile("ncframe-lathe")
@@ -44,10 +45,14 @@ def blocks(text: bytes = PART, behind: Behind = Behind(), position: dict[str, fl
 def all_of(reader: FrameBlocks, at_once: int = 256) -> list[Upcoming]:
     found: list[Upcoming] = []
     while not reader.ended:
-        more, _ = reader.more(at_once)
-        assert not [one for one in more[:-1] if one.barrier], "a stop is the last that is given out"
-        found += more
+        found += given_out(reader, at_once)
     return found
+
+
+def given_out(reader: FrameBlocks, at_once: int) -> list[Upcoming]:
+    more = reader.more(at_once)
+    assert not more.texts or more.alone is None, "a stop comes alone"
+    return [*map(more.one, range(len(more.texts))), *([] if more.alone is None else [more.alone])]
 
 
 def place_behind(one: Upcoming) -> Behind:
@@ -116,14 +121,14 @@ def test_everything_is_behind() -> None:
     reader = blocks(behind=Behind(99))
     reader.skip()
     assert reader.ended
-    assert reader.more(10) == ([], 0)
+    assert given_out(reader, 10) == []
 
 
 def test_a_line_that_cannot_be_sent_comes_behind_all_that_can() -> None:
     reader = blocks(b"G1 X1 F100\nX2\nX3 Q7\nX4\n")
     found: list[str] = []
     while len(found) < 2:
-        found += [one.text for one in reader.more(1)[0]]
+        found += [one.text for one in given_out(reader, 1)]
     with pytest.raises(PlanError, match="line 3"):
         reader.more(1)
     assert not reader.ended
