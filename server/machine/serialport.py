@@ -6,6 +6,7 @@ and exclusively, `write` never waits, and the loss of the port is told exactly o
 
 import asyncio
 import os
+import re
 import socket
 from collections.abc import Callable
 from contextlib import suppress
@@ -18,6 +19,9 @@ READ_BYTES = 65_536
 """Most that is taken from a socket in one go."""
 OPEN_TIMEOUT_S = 5.0
 """A TCP host that does not answer must not keep the machine in `connecting` for minutes."""
+
+_NUMBER = re.compile(r"\[Errno \d+\] |\(\d+, '(?=[^']*'\)$)|(?<=\w)'\)$")
+"""The system's number of an error, in the two ways in which pyserial says it."""
 
 OnData = Callable[[bytes], None]
 OnLost = Callable[[str], None]
@@ -218,7 +222,16 @@ async def _open_device(path: str, baud: int, on_data: OnData, on_lost: OnLost, *
         device = await asyncio.to_thread(open_blocking)
     except ValueError as error:
         raise OSError(f"{path}: {error}") from error
+    except serial.SerialException as error:
+        raise OSError(_plain(error, path)) from error
     return _Device(device, on_data, on_lost)
+
+
+def _plain(error: serial.SerialException, path: str) -> str:
+    """What pyserial says with the system's words, its number and the name of the port in it twice, said once. Whoever
+    asked to open it names the port."""
+    text = _NUMBER.sub("", str(error.args[-1]))
+    return text.removeprefix(f"could not open port {path}: ").removesuffix(f": {path!r}")
 
 
 def list_ports() -> list[dict[str, Any]]:

@@ -66,7 +66,7 @@ def test_a_device_is_ours_alone() -> None:
         with pseudo_terminal() as (_ours, name):
             ends = Ends()
             port = await PortOpener("elvinto")(name, 115200, ends.data.extend, ends.lost.append)
-            with pytest.raises(OSError, match="lock"):
+            with pytest.raises(OSError, match=rf"^Could not exclusively lock port {name}: Resource"):
                 await PortOpener("elvinto")(name, 115200, ends.data.extend, ends.lost.append)
             port.close()
             await asyncio.sleep(0)
@@ -148,10 +148,19 @@ def test_what_a_device_does_not_take_at_once_waits_beside_the_loop_and_goes_out_
     asyncio.run(main())
 
 
-def test_a_device_that_is_not_there() -> None:
+@pytest.mark.parametrize(
+    ("path", "reason"),
+    [
+        ("/dev/no-such-device", "No such file or directory"),
+        ("/dev", "Is a directory"),
+        ("/dev/null", "Could not configure port: Inappropriate ioctl for device"),
+    ],
+)
+def test_a_device_that_cannot_be_opened_says_why_once(path: str, reason: str) -> None:
     async def main() -> None:
-        with pytest.raises(OSError, match="no-such-device"):
-            await PortOpener("elvinto")("/dev/no-such-device", 115200, lambda _data: None, lambda _reason: None)
+        with pytest.raises(OSError, match=reason) as refused:
+            await PortOpener("elvinto")(path, 115200, lambda _data: None, lambda _reason: None)
+        assert str(refused.value) == reason
 
     asyncio.run(main())
 
