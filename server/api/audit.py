@@ -23,8 +23,11 @@ from server.clock import rfc3339
 DEFAULT_PAGE = 100
 MAX_PAGE = 1000
 MAX_CHARS = 80
-FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""With these a cell begins that Excel, LibreOffice and Google Sheets compute."""
+FORMULA = tuple("=+-@＝＋－＠")
+"""With these a cell begins that Excel, LibreOffice and Google Sheets compute, blanks before it or not; with the wide
+ones those that are set to Chinese or Japanese."""
+CONTROL = ("\t", "\r", "\n")
+"""Nor does a cell begin with these: what reads the table again may drop them."""
 CSV_HEADERS = {"Content-Disposition": 'attachment; filename="audit.csv"'}
 CSV_COLUMNS = ("id", *COLUMNS)
 AS_TABLE = {
@@ -97,7 +100,7 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
 def _cell(value: object) -> object:
     if isinstance(value, str):
         shown = "".join(char if char.isprintable() else " " for char in value)
-        return f"'{shown}" if value.startswith(FORMULA) else shown
+        return f"'{shown}" if shown.lstrip().startswith(FORMULA) or value.startswith(CONTROL) else shown
     return value
 
 

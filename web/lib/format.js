@@ -43,6 +43,9 @@ export function size(bytes) {
   return `${value < 10 ? value.toFixed(1) : Math.round(value)} ${units[unit]}`;
 }
 
+/** Blanks before it or not; the wide signs are computed by spreadsheets that are set to Chinese or Japanese. */
+const FORMULA = /^(?:[\t\r\n]|[\s\u200b-\u200f\u2060]*[=+\-@＝＋－＠])/;
+
 /**
  * Rows as CSV (RFC 4180). A cell that a spreadsheet would take for a formula is made a text.
  * @param {string[]} columns
@@ -51,7 +54,7 @@ export function size(bytes) {
 export function csv(columns, rows) {
   const cell = (/** @type {unknown} */ value) => {
     const text = value === null || value === undefined ? "" : typeof value === "object" ? JSON.stringify(value) : String(value);
-    const safe = typeof value === "string" && /^[=+\-@\t\r]/.test(text) ? `'${text}` : text;
+    const safe = typeof value === "string" && FORMULA.test(text) ? `'${text}` : text;
     return /[",\r\n]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
   };
   return [columns, ...rows.map((row) => columns.map((column) => row[column]))]

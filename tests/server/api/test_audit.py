@@ -8,6 +8,7 @@ import pytest
 from server.access.audit import Wanted
 from server.access.ratelimit import BURST
 from server.api.accessmodels import AuditView
+from server.api.audit import CSV_COLUMNS, as_csv
 from server.problems import ProblemError
 from tests.harness.asgisocket import AsgiSocket
 from tests.harness.fakeworkshop import FakeServerSettings, FakeWorkshop, bearer
@@ -157,7 +158,15 @@ def test_a_stop_does_not_wait_for_the_audit() -> None:
     run(main())
 
 
-@pytest.mark.parametrize("name", ["=HYPERLINK(1)", "+1", "-1", "@SUM(A1)", '"a",b'])
+@pytest.mark.parametrize("value", ["=1", "＝1", "＋1", "－1", "＠A1", " =1", "\t=1", "\tx", "\rx", "\n=1", "\u200b＝1"])
+def test_no_cell_begins_a_formula_however_it_is_written(value: str) -> None:
+    rows = [dict.fromkeys(CSV_COLUMNS, value)]
+    (row,) = csv.DictReader(as_csv(rows).splitlines())
+    assert row["name"].startswith("'")
+    assert not set(row["name"]) & set("\t\r\n\u200b")
+
+
+@pytest.mark.parametrize("name", ["=HYPERLINK(1)", "+1", "-1", "@SUM(A1)", '"a",b', "＝1"])
 def test_as_a_table_for_a_spreadsheet_nothing_is_a_formula(name: str) -> None:
     async def main() -> None:
         async with FakeWorkshop(settings=ON_THE_LAN) as workshop, workshop.client() as client:
