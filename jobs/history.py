@@ -20,6 +20,9 @@ MAX_DATA_CHARS = 256 * 1024
 """A dump of the last frames is the largest thing written; a machine cannot make the database grow without bound."""
 PRUNED = "history_pruned"
 """The event that vouches for the anchor."""
+AUDIT_PRUNED = "audit_pruned"
+"""The event that vouches for the anchor of the audit (server/access/audit.py). The newest one outlives the old end of
+the history, or the audit could be cut off anywhere once it is gone."""
 OF_TOOLS = "select * from events where (substr(type, 1, 2) = 'io' or substr(type, 1, 4) = 'tool')"
 """As the index of m014_tool_events has it, to the letter: else it is not used, and the writer waits for the reader."""
 SET_ANCHOR = "insert or replace into history_anchor (id, up_to, hash, at) values (1, ?, ?, ?)"
@@ -105,9 +108,19 @@ def prune(db: Database, up_to: int, *, at: str) -> int:
     row = next(db.query("select hash from events where id = ?", [up_to]), None)
     if row is None:
         raise LocalError(f"there is no event {up_to} to prune the history up to")
+    _say_again(db, AUDIT_PRUNED, up_to, at)
     append(db, at=at, kind=PRUNED, data={"up_to": up_to, "hash": row["hash"]})
     db.execute(SET_ANCHOR, [up_to, row["hash"], at])
     return db.execute("delete from events where id <= ?", [up_to]).rowcount
+
+
+def _say_again(db: Database, kind: str, up_to: int, at: str) -> None:
+    """The last event of this kind that goes is said once more, as it stands there: for what it says must be known as
+    long as what it vouches for. Where there is a later one it does no harm."""
+    query = "select data from events where id <= ? and type = ? order by id desc limit 1"
+    row = next(db.query(query, [up_to, kind]), None)
+    if row is not None:
+        append(db, at=at, kind=kind, data=said(row))
 
 
 # --- looking it over ------------------------------------------------------------------------------------------

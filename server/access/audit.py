@@ -30,7 +30,7 @@ PIECE_ROWS = 1000
 MIN_PRUNED = 200
 """Removed at least, for each piece leaves an event in the history."""
 MAX_TEXT_CHARS = 200
-PRUNED = "audit_pruned"
+PRUNED = history.AUDIT_PRUNED
 """The event of the history that vouches for the anchor."""
 BY_COMMAND_LINE = "command line"
 
@@ -171,9 +171,8 @@ def counts(db: Database) -> dict[str, int]:
 def _vouched(db: Database, begin: Anchor) -> bool:
     if begin.up_to == 0:
         return True
-    told = [history.said(row) for row in db.query("select data from events where type = ?", [PRUNED])]
-    # The word of a removal may have gone with the old end of the history itself.
-    return {"up_to": begin.up_to, "hash": begin.hash} in told or (not told and history.anchor(db).up_to > 0)
+    told = (history.said(row) for row in db.query("select data from events where type = ?", [PRUNED]))
+    return {"up_to": begin.up_to, "hash": begin.hash} in told
 
 
 def _top(db: Database) -> int:

@@ -111,13 +111,32 @@ def test_the_old_end_goes_and_the_rest_can_be_verified(monkeypatch: pytest.Monke
     assert prune_some(db, keep_rows=100, before="2027", at=AT) == 3, "by age"
 
 
-def test_the_word_of_a_removal_may_go_with_the_history(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(audit, "MIN_PRUNED", 2)
+def pruned_with_the_history(times: int = 1) -> Database:
+    """The audit's old end is gone, and behind that the old end of the history, where it was told."""
     db = database(10)
     prune_some(db, keep_rows=5, before=None, at=AT)
-    last = history.append(db, at=AT, kind="other", data={})
-    history.prune(db, last, at=AT)
+    for _ in range(times):
+        last = history.append(db, at=AT, kind="other", data={})
+        history.prune(db, last, at=AT)
+    return db
+
+
+@pytest.mark.parametrize("times", [1, 2, 3])
+def test_the_word_of_a_removal_outlives_the_old_end_of_the_history(monkeypatch: pytest.MonkeyPatch, times: int) -> None:
+    monkeypatch.setattr(audit, "MIN_PRUNED", 2)
+    db = pruned_with_the_history(times)
+    assert (list(faults(db)), list(history.faults(db))) == ([], [])
+    prune_some(db, keep_rows=2, before=None, at=AT)
     assert list(faults(db)) == []
+
+
+def test_an_anchor_that_was_moved_is_found_with_a_pruned_history_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(audit, "MIN_PRUNED", 2)
+    db = pruned_with_the_history()
+    (cut,) = db.query("select id, hash from audit where id = 8")
+    db.execute("insert or replace into audit_anchor values (1, ?, ?, ?)", [cut["id"], cut["hash"], AT])
+    db.execute("delete from audit where id <= 8")
+    assert [fault.event for fault in faults(db)] == [8]
 
 
 def test_retention_in_the_running_daemon(monkeypatch: pytest.MonkeyPatch) -> None:
