@@ -6,6 +6,7 @@ verified. The one rule: a line that could press a real-time key, or be two lines
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import repeat
 from typing import Final, NamedTuple
 
@@ -15,10 +16,6 @@ from protocol.grbl.realtime import acts_anywhere
 _NUMBER: Final = r"[-+]?+(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)"
 WORD: Final = re.compile(rf"([A-Z])({_NUMBER})")
 _PROGRAM: Final = re.compile(rf"/?(?:[A-Z]{_NUMBER})+")
-
-# What nearly all lines of a program are: a motion and where it goes. These are told by the quickest way there is.
-_MOVE: Final = r"(?:G0?[0-3](?=[FXYZIJKR])|(?=[XYZIJKR]))[-+.0-9XYZFIJKR]++"
-_MOVES: Final = re.compile(rf"{_MOVE}(?:\n{_MOVE})*+")
 
 # grbl II.4: interrupts are off while the EEPROM is written, and incoming bytes may be lost.
 _EEPROM_GCODES: Final = frozenset({10.0, 28.1, 30.1})
@@ -72,17 +69,22 @@ def words_of(text: str) -> Words | None:
     return [(letter, float(value)) for letter, value in WORD.findall(text)]
 
 
+@lru_cache(maxsize=8)
+def _moves(line_chars: int) -> re.Pattern[str]:
+    """What nearly all lines of a program are: a motion and where it goes. These are told by the quickest way there is,
+    their length with the rest; beside `G03` there is room for so many."""
+    move = rf"(?:G0?[0-3](?=[FXYZIJKR])|(?=[XYZIJKR]))[-+.0-9XYZFIJKR]{{1,{max(line_chars - len('G03'), 1)}}}+"
+    return re.compile(rf"{move}(?:\n{move})*+")
+
+
 def read_lines(texts: Sequence[str], line_chars: int) -> tuple[Line, ...]:
     """Classify lines. Raises LocalError for one that must never be sent, MessageTooLongError for one too long."""
     together = "\n".join(texts)
-    if (
-        not _MOVES.fullmatch(together)
-        or max(map(len, texts)) > line_chars
-        or together.count("\n") >= len(texts)  # one of them is two
-    ):
-        return tuple([read_line(text, line_chars) for text in texts])
-    rows = f"{together}\n".encode("ascii").splitlines(keepends=True)
-    return tuple(map(_MAKE, repeat(Line), zip(texts, rows, *_OF_A_MOVE, strict=False)))
+    if _moves(line_chars).fullmatch(together):
+        rows = f"{together}\n".encode("ascii").splitlines(keepends=True)
+        if len(rows) == len(texts):  # else one of them is two
+            return tuple(map(_MAKE, repeat(Line), zip(texts, rows, *_OF_A_MOVE, strict=False)))
+    return tuple([read_line(text, line_chars) for text in texts])
 
 
 def read_line(text: str, line_chars: int) -> Line:
@@ -113,5 +115,5 @@ def read_line(text: str, line_chars: int) -> Line:
         inert=letters <= set("GMFSTN") and gcodes <= _INERT_GCODES and mcodes <= _INERT_MCODES,
         dwell_s=sum(value for letter, value in words if letter == "P") if 4.0 in gcodes else 0.0,
         tool=next((int(value) for letter, value in words if letter == "T"), None),
-        plain=_MOVES.fullmatch(text) is not None,
+        plain=_moves(line_chars).fullmatch(text) is not None,
     )
