@@ -54,6 +54,11 @@ class Engine(Protocol):
     def next_event(self) -> Event | None:
         """What happened, oldest first."""
 
+    @property
+    def news(self) -> bool:
+        """Behind an input and what was sent for it: whether anybody has to be told. If not, `next_id`, `free` and
+        `next_timer` are as they were, and what `next_event` would tell can wait for the next time."""
+
     def next_timer(self) -> float | None:
         """The earliest deadline, in the shell's seconds."""
 

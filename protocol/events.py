@@ -81,9 +81,10 @@ class MessageSeen:
 
 @dataclass(slots=True)  # not frozen: that doubles the time of making one, and there is one for every line of a Grbl
 class MessagesSeen:
-    """Messages for the console that came and went in one go, in their order: direction and text."""
+    """Messages for the console in their order: when (the shell's clock), direction and text. What nobody waits for may
+    be told some at once."""
 
-    messages: Sequence[tuple[Literal[">", "<"], str]]
+    messages: Sequence[tuple[float, Literal[">", "<"], str]]
 
 
 # --- state ----------------------------------------------------------------------------------------------------

@@ -51,6 +51,11 @@ class Exchange:
         self._ready = False  # LinkReady was reported
         self._initialised = False
 
+    @property
+    def news(self) -> bool:
+        """Whether anybody has to be told: every message of a machine says something."""
+        return True
+
     def _emit(self, event: Event) -> None:
         self._events.append(event)
 

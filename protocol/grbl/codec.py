@@ -66,6 +66,8 @@ class Decoder:
     def __init__(self) -> None:
         self._buffer = bytearray()
         self._skipping = False
+        self.between_lines = True
+        """What comes next is the beginning of a line."""
 
     def receive_data(self, data: bytes) -> Iterable[Heard]:
         """The lines that are complete with `data`. Taking them is what reads: exhaust the iterator."""
@@ -74,15 +76,10 @@ class Decoder:
             return (OK,) * count
         return self._lines(data)
 
-    @property
-    def between_lines(self) -> bool:
-        """What comes next is the beginning of a line."""
-        return not self._buffer and not self._skipping
-
     def _lines(self, data: bytes) -> Iterator[Heard]:
         for piece in data.splitlines(keepends=True):
             self._buffer += piece
-            ended = piece.endswith((b"\n", b"\r"))
+            ended = self.between_lines = piece.endswith((b"\n", b"\r"))
             if len(self._buffer) > MAX_LINE_BYTES and not self._skipping:
                 self._skipping = True
                 yield Heard("", ProtocolFault("too_long", f"over {MAX_LINE_BYTES} bytes without a line end"))

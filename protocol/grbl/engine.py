@@ -6,6 +6,7 @@ The one rule: done is not acknowledged (`errands.py`), and nothing real-time wai
 """
 
 from collections.abc import Callable
+from operator import itemgetter
 from typing import Any, Final, assert_never
 
 from protocol.commands import (
@@ -70,7 +71,9 @@ from protocol.grbl.traffic import CHECK_MODE, MAX_BATCHES, MAX_BY_HAND
 from protocol.grbl.watching import Watching
 from protocol.grbl.window import Window
 
-_OK_SEEN: Final = ("<", "ok")
+TELL_WITHIN_S: Final = 0.05
+"""So long lines and answers from which nothing follows wait to be told, and what they prove of lines before them: each
+alone would cost as much again."""
 
 
 class GrblEngine(Watching):
@@ -80,6 +83,7 @@ class GrblEngine(Watching):
         super().__init__(dialect, first_id, now, open_work)
         self._decoder = Decoder()
         self._quiet = False  # all that may go out has been taken
+        self._news = True
         self._silences: dict[Phase, Callable[[float], None]] = {
             Phase.OPENING: self._ask,
             Phase.ASKING: self._on_nobody,
@@ -107,30 +111,33 @@ class GrblEngine(Watching):
     def receive_data(self, data: bytes, now: float) -> None:
         """Any bytes, in any pieces; never raises."""
         self._quiet = False
-        if data == OK_LINE and self._decoder.between_lines:  # most of what is ever said comes so, alone
-            self._on_ok(now)
+        if data == OK_LINE and self._decoder.between_lines and self._plain_ok(now):  # nearly all that is ever said
+            self._news = now - self._seen[0][0] >= TELL_WITHIN_S
+            if self._news:
+                self._settle(self._executed.behind(self._planner_blocks))
             return
+        self._news = True
+        self._settle(self._executed.behind(self._planner_blocks))  # by what was known up to here
         for heard in self._decoder.receive_data(data):
             if self._phase is Phase.CLOSED:
                 return
             if heard is OK:
                 self._on_ok(now)
                 continue
-            self._frames.append((now, "<", heard.text.encode("ascii", "replace")))
             message = heard.message
             if isinstance(message, ProtocolFault):
+                self._recorded.append((now, "<", heard.text))
                 self._emit(message)
                 continue
             self._poll.heard(now)
-            self._seen.append(("<", heard.text))
+            self._seen.append((now, "<", heard.text))
             self._handle(message, now)
 
     def _on_ok(self, now: float) -> None:
         if self._phase is CLOSED:
             return
-        self._frames.append((now, "<", b"ok"))
         self._poll.quiet_since = now
-        self._seen.append(_OK_SEEN)
+        self._seen.append((now, "<", "ok"))
         self._answered(None, "", now, refused=False)
         if self._phase is READING:
             self._read_on(now)
@@ -149,12 +156,18 @@ class GrblEngine(Watching):
         if self._quiet or self._phase is CLOSED:
             return b""
         self._quiet = True
-        return self._write(now)
+        return self._plain_lines(now)
+
+    @property
+    def news(self) -> bool:
+        """Whether anybody has to be told."""
+        return self._news or bool(self._events)
 
     def next_event(self) -> Event | None:
         """What happened, oldest first; what was said before what follows from it."""
         if self._seen:
             seen, self._seen = self._seen, []
+            self._recorded.extend(seen)
             return MessagesSeen(seen)
         return self._events.popleft() if self._events else None
 
@@ -169,7 +182,7 @@ class GrblEngine(Watching):
 
     def handle_timer(self, now: float) -> None:
         """A deadline has come; calling early does nothing."""
-        self._quiet = False
+        self._quiet, self._news = False, True
         if STEPS[self._phase].polls and now >= self._poll.next_at:
             self._watch_silence(now)
             self._lane.put(realtime.STATUS)
@@ -192,7 +205,8 @@ class GrblEngine(Watching):
 
     def recent_frames(self) -> tuple[Frame, ...]:
         """What the recorder holds, oldest first."""
-        return tuple(Frame(*frame) for frame in self._frames)
+        recorded = sorted([*self._recorded, *self._seen], key=itemgetter(0))
+        return tuple(Frame(at, direction, text.encode("ascii", "replace")) for at, direction, text in recorded)
 
     def submit(self, command: Command, now: float) -> None:
         """Take a command. Raises LocalError when not free, for a wrong ID or an impossible line of a batch, and

@@ -21,7 +21,8 @@ buffer (Grbl 5, grblHAL 9) and would be lost with a reset."""
 
 @dataclass(slots=True, eq=False)
 class Errand:
-    """A batch of a job, blocks by hand, or a request. `done` counts lines from the front."""
+    """A batch of a job, blocks by hand, or a request. `done` counts lines from the front; `counted`: those with an
+    answer of which `Executed` knows."""
 
     lines: tuple[Line, ...]
     batch: SendBatch | None = None
@@ -29,6 +30,7 @@ class Errand:
     request: Request | None = None
     sent: int = 0
     answered: int = 0
+    counted: int = 0
     done: int = 0
     failed: bool = False
     reach_mm: tuple[float, ...] = ()
@@ -39,9 +41,9 @@ class Errand:
         return not self.failed and self.sent < len(self.lines)
 
 
-_Acknowledged: TypeAlias = tuple[Errand, int, bool, int]
-"""Errand; number; whether it is inert; certain blocks planned up to this line, it included. A bare tuple, for there is
-one for every line."""
+_Acknowledged: TypeAlias = tuple[Errand, int, int, bool, int]
+"""Lines of an errand, which follow one another: how many; of the last one its number, whether it is inert, and the
+certain blocks planned up to it, it included. Where they are several each has made a block."""
 
 
 @dataclass(slots=True)
@@ -62,10 +64,24 @@ class Executed:
     ) -> list[Errand]:
         """One more line was answered. `inert`: it moves nothing (or was refused); `certain`: it has made a block;
         `rests`: its answer proves that everything is executed. `planner`: the most blocks that it holds, if known."""
-        self.count = number = self.count + 1
-        self.blocks = blocks = self.blocks + certain
-        self._open.append((errand, number, inert, blocks))
-        return self._take(number if rests else 0, -inf if planner is None else blocks - planner - SEGMENTS_AHEAD)
+        errand.counted = errand.answered
+        self._append(errand, 1, int(certain), inert=inert)
+        return self._take(self.count if rests else 0, self._left(planner))
+
+    def planned(self, errand: Errand, least_mm: float) -> None:
+        """`acknowledged` for those lines of an errand which have their answer and were not counted yet: all of them
+        move, and none is the last one. A line of so many mm and more has made a block."""
+        reach_mm = errand.reach_mm[errand.counted : errand.answered]
+        errand.counted = errand.answered
+        if reach_mm and min(reach_mm) >= least_mm:
+            self._append(errand, len(reach_mm), len(reach_mm))
+            return
+        for reach in reach_mm:
+            self._append(errand, 1, int(reach >= least_mm))
+
+    def behind(self, planner: int | None) -> list[Errand]:
+        """What of the lines that are planned already has left a planner of so many blocks, if it is known."""
+        return self._take(0, self._left(planner))
 
     def displaced(self) -> None:
         """The controller may not stand where the plan believes: some lines that go somewhere may go nowhere."""
@@ -84,17 +100,29 @@ class Executed:
         """What is open now will never be known."""
         self._open.clear()
 
+    def _append(self, errand: Errand, lines: int, blocks: int, *, inert: bool = False) -> None:
+        self.count += lines
+        self.blocks += blocks
+        self._open.append((errand, lines, self.count, inert, self.blocks))
+
+    def _left(self, planner: int | None) -> float:
+        """So many blocks have left a planner that holds so many."""
+        return -inf if planner is None else self.blocks - planner - SEGMENTS_AHEAD
+
     def _take(self, number: int, blocks: float) -> list[Errand]:
         """Every line up to `number` is executed, and every one with no more than `blocks` certain blocks up to it, and
         the inert lines right behind; the errands that have come to their end with that."""
         ended: list[Errand] = []
         waiting = self._open
         while waiting:
-            errand, line, inert, planned = waiting[0]
-            if line > number and planned > blocks and not inert:
+            errand, lines, last, inert, planned = waiting[0]
+            short = 0 if inert or last <= number else min(last - number, planned - blocks)
+            executed = lines - int(max(min(short, lines), 0))
+            errand.done += executed
+            if executed < lines:
+                waiting[0] = (errand, lines - executed, last, inert, planned)
                 break
             waiting.popleft()
-            errand.done = done = errand.done + 1
-            if done == len(errand.lines):
+            if errand.done == len(errand.lines):
                 ended.append(errand)
         return ended

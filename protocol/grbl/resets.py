@@ -27,10 +27,11 @@ from protocol.grbl import asking, codes
 from protocol.grbl.asking import Request
 from protocol.grbl.dialect import Dialect
 from protocol.grbl.errands import Errand
+from protocol.grbl.flow import Flow
 from protocol.grbl.messages import AlarmRaised, Banner
 from protocol.grbl.phases import Phase
 from protocol.grbl.realtime import SOFT_RESET
-from protocol.grbl.traffic import HANDSHAKE_TRIES, Traffic
+from protocol.grbl.traffic import HANDSHAKE_TRIES
 
 Reason: TypeAlias = Literal["error", "alarm", "estop", "restart", "stop", "link"]
 
@@ -41,7 +42,7 @@ RESTART_WAIT_S: Final = 2.0
 """A controller that was to reset itself and says no banner has not: $C off takes 30 ms, $RST some 100 ms."""
 
 
-class Resets(Traffic):
+class Resets(Flow):
     """What begins, breaks and ends."""
 
     def __init__(self, dialect: Dialect, first_id: int, now: float, open_work: OpenWork | None) -> None:
@@ -243,6 +244,7 @@ class Resets(Traffic):
 
     def _fail_batches(self, reason: Reason, code: int | None, message: str, *, parked: bool = False) -> None:
         """`parked`: beyond the line that may be half-way planned, no unanswered line was parsed or will be."""
+        self._settle(self._executed.behind(self._planner_blocks))
         head = self._window.head
         for errand in self._batches:
             assert errand.batch is not None

@@ -8,7 +8,7 @@ line without one.
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from protocol.commands import CheckMode, ListFiles, RunFile
 from protocol.events import (
@@ -38,8 +38,8 @@ from protocol.grbl.polling import Poll
 from protocol.grbl.realtime import CYCLE_START, FEED_HOLD, SOFT_RESET, STATUS
 from protocol.grbl.window import Entry, Window
 
-RECORDED_FRAMES = 400
-"""Writes and lines kept for the job's events at a fault: some seconds of a full stream, 40 KB."""
+RECORDED_MESSAGES = 400
+"""Bytes and lines kept for the job's events at a fault: some seconds of a full stream, 40 KB."""
 MAX_BATCHES = 65
 """Batches that may be with the engine: enough that the planner never runs dry where each holds a single line. A job
 uses one place less (server/config/grbl.py), so that what is asked by hand beside it can be handed over."""
@@ -66,6 +66,10 @@ CHECK_MODE: Mapping[bool, str] = {
 """What stands against a batch, by its `check`."""
 
 
+Seen: TypeAlias = tuple[float, Literal[">", "<"], str]
+"""When, which way, what."""
+
+
 def _first_waiting(errands: Iterable[Errand]) -> Errand | None:
     """The first of which a line was not sent yet."""
     for errand in errands:
@@ -82,8 +86,8 @@ class Traffic(ABC):
         self._phase = Phase.CLOSED
         self._next_id = first_id
         self._events: deque[Event] = deque()
-        self._seen: list[tuple[Literal[">", "<"], str]] = []  # for the console, not handed over yet
-        self._frames: deque[tuple[float, str, bytes]] = deque(maxlen=RECORDED_FRAMES)
+        self._seen: list[Seen] = []  # for the console, not handed over yet
+        self._recorded: deque[Seen] = deque(maxlen=RECORDED_MESSAGES)  # what was, and what no console shows
         self._due: dict[str, float] = {}
         self._lane = Lane()
         self._poll = Poll()
@@ -91,7 +95,8 @@ class Traffic(ABC):
         self._by_hand: Window | None = None  # grblHAL's second input buffer, after the tool change was acknowledged
         self._batches: deque[Errand] = deque()
         self._hand: deque[Errand] = deque()
-        self._executed = Executed()
+        self._proofs = Executed()
+        self._flowing: Errand | None = None  # of its answers some are not counted yet (flow.py)
         self._blocks = BlockCounter()
         self._status: Status | None = None
         self._alarm: Alarm | None = None
@@ -123,6 +128,14 @@ class Traffic(ABC):
 
     def _emit(self, event: Event) -> None:
         self._events.append(event)
+
+    @property
+    def _executed(self) -> Executed:
+        """What is proven, with all that was answered."""
+        if self._flowing is not None:
+            self._proofs.planned(self._flowing, self._blocks.least_mm)
+            self._flowing = None
+        return self._proofs
 
     def _fail(self, token: int | None, code: int | None, message: str) -> None:
         if token is not None:
@@ -166,8 +179,6 @@ class Traffic(ABC):
                 out += data
                 if errand.batch is not None and errand.sent < len(errand.lines):
                     break  # the window is full
-        if out:
-            self._frames.append((now, ">", out))
         return out
 
     def _take_lane(self, now: float) -> bytes:
@@ -177,8 +188,8 @@ class Traffic(ABC):
         if STATUS in urgent:
             self._poll.sent(now, self._executed.count if self._window.empty else None)
         for byte in urgent:
-            if byte != STATUS[0]:
-                self._seen.append((">", chr(byte) if 0x20 < byte < 0x7F else f"0x{byte:02X}"))
+            shown = self._recorded if byte == STATUS[0] else self._seen
+            shown.append((now, ">", chr(byte) if 0x20 < byte < 0x7F else f"0x{byte:02X}"))
         return urgent
 
     def _launch(self, errand: Errand, now: float) -> bytes:
@@ -189,7 +200,7 @@ class Traffic(ABC):
         for line in window.fill(errand, first + 1 if batch is None else len(errand.lines)):
             if line.tool is not None:
                 self._tool = line.tool
-            self._seen.append((">", line.text))
+            self._seen.append((now, ">", line.text))
             data += line.data
         if not data:
             return data

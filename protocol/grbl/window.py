@@ -18,60 +18,51 @@ Entry: TypeAlias = tuple[Errand, int, Line]
 
 @dataclass(slots=True)
 class Window:
-    """`one_by_one`: the streaming mode `line`, an answer awaited after each."""
+    """`one_by_one`: the streaming mode `line`, an answer awaited after each. `entries`: what has no answer, oldest
+    first, and `used_bytes` of it; changed here and in flow.py alone."""
 
     capacity: int = SAFE_RX_BYTES
     one_by_one: bool = False
-    _entries: deque[Entry] = field(default_factory=deque)
-    _used_bytes: int = 0
+    entries: deque[Entry] = field(default_factory=deque)
+    used_bytes: int = 0
 
     def takes(self, line: Line) -> bool:
         """Whether there is room for the line now."""
-        if not self._entries:
+        if not self.entries:
             return True
-        if self._used_bytes + len(line.data) > self.capacity:
+        if self.used_bytes + len(line.data) > self.capacity:
             return False
-        return not (self.one_by_one or line.alone or self._entries[-1][2].alone)
+        return not (self.one_by_one or line.alone or self.entries[-1][2].alone)
 
     def fill(self, errand: Errand, end: int) -> tuple[Line, ...]:
         """As many of the errand's lines go out, up to number `end`, as there is room for now."""
         lines, start, index = errand.lines, errand.sent, errand.sent
         while index < end and self.takes(line := lines[index]):
-            self._entries.append((errand, index, line))
-            self._used_bytes += len(line.data)
+            self.entries.append((errand, index, line))
+            self.used_bytes += len(line.data)
             index += 1
         errand.sent = index
         return lines[start:index]
 
     def answer(self) -> Entry | None:
         """The oldest line has its answer; None: there is none."""
-        if not self._entries:
+        if not self.entries:
             return None
-        entry = self._entries.popleft()
-        self._used_bytes -= len(entry[2].data)
+        entry = self.entries.popleft()
+        self.used_bytes -= len(entry[2].data)
         return entry
 
     @property
     def head(self) -> Entry | None:
         """The line that the next answer is for."""
-        return self._entries[0] if self._entries else None
-
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """Oldest first."""
-        return tuple(self._entries)
+        return self.entries[0] if self.entries else None
 
     @property
     def empty(self) -> bool:
         """Everything that was sent is answered."""
-        return not self._entries
-
-    @property
-    def used_bytes(self) -> int:
-        """Bytes of the lines without an answer."""
-        return self._used_bytes
+        return not self.entries
 
     def clear(self) -> None:
         """The controller has forgotten them."""
-        self._entries.clear()
-        self._used_bytes = 0
+        self.entries.clear()
+        self.used_bytes = 0

@@ -108,6 +108,11 @@ class NcFrameEngine(Settling):
         ahead = 0 if flight is None else len(flight.frames) - flight.done
         return (self._counted + ahead) % COUNT_MODULUS + 1
 
+    @property
+    def news(self) -> bool:
+        """Whether anybody has to be told: every burst of a machine says something."""
+        return True
+
     def free(self) -> int:
         """1 while a command can be taken, else 0. In alarm only ClearAlarm and Locate make sense."""
         return int(self._phase is Phase.IDLE)

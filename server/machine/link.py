@@ -2,7 +2,7 @@
 
 The one rule: after every input, write what the engine has to send, hand over what happened, offer what it can take,
 re-arm the one timer. Mostly nothing follows from an input but the next bytes (a line was acknowledged, the next one
-goes out); then nobody is asked, for an offer depends on what has happened and on what the engine can take alone.
+goes out), and the engine says so (`news`); then it ends with the write.
 """
 
 import asyncio
@@ -53,7 +53,7 @@ class Link:
         self.engine.receive_data(data, now)
         if out := self.engine.data_to_send(now):
             self._write(out)
-        if not self._pumping:
+        if self.engine.news and not self._pumping:
             self._run()
 
     def realtime(self, command: RealtimeCommand) -> None:
@@ -86,9 +86,13 @@ class Link:
             self._write(data)
 
     def close(self) -> None:
-        """The epoch is over: nothing comes in or goes out any more."""
+        """The epoch is over: nothing comes in or goes out any more. What has happened before is told."""
+        if self._closed:
+            return
         self._closed = True
         self._arm()
+        while not self._pumping and (event := self.engine.next_event()) is not None:
+            self._on_event(event)
 
     def _hand_over(self) -> bool:
         """Tell what happened; whether something may follow from it."""

@@ -7,6 +7,7 @@ Not the wire (protocol), not the job's logic (jobs/runner.py), not HTTP. The one
 import asyncio
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from gcode.profile import load_profile
@@ -196,7 +197,7 @@ class Machine:
         port = await self._opener(
             self.config.port,
             self.config.baud,
-            lambda data: self._received(epoch, data),
+            partial(self._received, epoch),
             lambda reason: self._port_lost(epoch, reason),
         )
         if self._reconnect.lost_already:  # no engine is begun on a port that nobody will ever report as lost again
@@ -277,7 +278,7 @@ class Machine:
         if isinstance(event, MessagesSeen):
             self._seen(event.messages)
         elif isinstance(event, MessageSeen):
-            self._seen(((event.direction, event.text),))
+            self._seen(((self._loop.time(), event.direction, event.text),))
         else:
             self._happened(event)
             return True
@@ -368,17 +369,18 @@ class Machine:
             "state", self.name, lambda: {**self.state_view(), "link": self.link_status, **self._acks.view()}
         )
 
-    def _seen(self, messages: Sequence[tuple[str, str]]) -> None:
-        now, recorder = self._loop.time(), self._recorder
+    def _seen(self, messages: Sequence[tuple[float, str, str]]) -> None:
+        recorder = self._recorder
         if self._hub.unwanted(self.name, len(messages)):
-            recorder.record(messages, now)
+            recorder.record(messages)
         else:
             for message in messages:
-                recorder.record((message,), now)
+                recorder.record((message,))
                 self._hub.publish("console", self.name, recorder.newest)
-        if messages[0][0] == "<" or any(direction == "<" for direction, _ in messages):
-            self._last_life_at = now
-            self.stream.heard(now)
+        heard_at = next((at for at, direction, _ in reversed(messages) if direction == "<"), None)
+        if heard_at is not None:
+            self._last_life_at = heard_at
+            self.stream.heard(heard_at)
 
     def _fault(self, fault: ProtocolFault) -> None:
         self.metrics.link_errors[fault.kind] += 1

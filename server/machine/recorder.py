@@ -27,22 +27,21 @@ class Recorder:
     def __init__(self, wall: Callable[[], datetime], time: Callable[[], float]) -> None:
         self._wall = wall
         self._time = time
-        self._pieces: deque[tuple[float, Sequence[tuple[str, str]]]] = deque()
-        """As they were seen: mostly an `ok` and the line that went out before it."""
+        self._pieces: deque[Sequence[tuple[float, str, str]]] = deque()
+        """As they were told: when, which way, what."""
         self._kept = 0
 
-    def record(self, messages: Sequence[tuple[str, str]], now: float) -> None:
+    def record(self, messages: Sequence[tuple[float, str, str]]) -> None:
         """Keep messages, which nobody changes any more (protocol.events.MessagesSeen)."""
         pieces = self._pieces
-        pieces.append((now, messages))
+        pieces.append(messages)
         self._kept += len(messages)
-        while self._kept - len(pieces[0][1]) >= CONSOLE_MESSAGES:
-            self._kept -= len(pieces.popleft()[1])
+        while self._kept - len(pieces[0]) >= CONSOLE_MESSAGES:
+            self._kept -= len(pieces.popleft())
 
     def newest(self) -> dict[str, Any]:
         """The last message. Raises IndexError before there is one."""
-        at, messages = self._pieces[-1]
-        direction, text = messages[-1]
+        at, direction, text = self._pieces[-1][-1]
         wall = self._wall() - timedelta(seconds=self._time() - at)
         return {"at": rfc3339(wall), "direction": direction, "text": text[:MESSAGE_CHARS]}
 
@@ -53,7 +52,7 @@ class Recorder:
     def each(self, limit: int) -> Iterator[dict[str, Any]]:
         """The same one by one, as they were at the first: a thousand take a millisecond."""
         stamp = self._stamps()
-        kept = ((at, direction, text) for at, messages in tuple(self._pieces) for direction, text in messages)
+        kept = (message for messages in tuple(self._pieces) for message in messages)
         left_out = self._kept - min(max(0, limit), CONSOLE_MESSAGES)
         for at, direction, text in islice(kept, max(0, left_out), None):
             yield {"at": stamp(at), "direction": direction, "text": text[:MESSAGE_CHARS]}

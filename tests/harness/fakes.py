@@ -73,6 +73,7 @@ class ScriptedEngine:
         self.due_at: float | None = None
         self.ticks: list[float] = []
         self.is_free = True
+        self.news = True
 
     def receive_data(self, data: bytes, now: float) -> None:
         self.heard.append(data)

@@ -171,8 +171,8 @@ class GrblPair:
         return self.run(30.0, until=lambda pair: bool(pair.of("LinkReady")))
 
     def console(self) -> list[str]:
-        seen = [(at, message) for at, e in self.events if isinstance(e, MessagesSeen) for message in e.messages]
-        return [f"{at:8.3f} {direction} {text}" for at, (direction, text) in seen]
+        seen = [message for _, e in self.events if isinstance(e, MessagesSeen) for message in e.messages]
+        return [f"{at:8.3f} {direction} {text}" for at, direction, text in seen]
 
     @property
     def lost_bytes(self) -> list[BytesLost]:

@@ -1,5 +1,7 @@
 """The parts of the engine by themselves: window, lane, proofs of execution, polls, what is asked."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -106,18 +108,24 @@ class TestLane:
         assert len(lane.take()[0]) == MAX_WAITING
 
 
+def acknowledged(executed: Executed, work: Errand, **proof: Any) -> list[Errand]:
+    """As the engine does it."""
+    work.answered += 1
+    return executed.acknowledged(work, **proof)
+
+
 class TestExecuted:
     def test_acknowledged_is_not_done(self) -> None:
         executed, work = Executed(), errand("X1", "X2")
-        assert executed.acknowledged(work, inert=False, certain=True) == []
+        assert acknowledged(executed, work, inert=False, certain=True) == []
         assert work.done == 0
 
     def test_an_inert_line_is_done_when_all_before_it_is(self) -> None:
         executed, work = Executed(), errand("G21", "X1", "G90")
-        executed.acknowledged(work, inert=True, certain=False)
+        acknowledged(executed, work, inert=True, certain=False)
         assert work.done == 1
-        executed.acknowledged(work, inert=False, certain=True)
-        executed.acknowledged(work, inert=True, certain=False)
+        acknowledged(executed, work, inert=False, certain=True)
+        acknowledged(executed, work, inert=True, certain=False)
         assert work.done == 1
         assert executed.at_rest(2) == [work]
         assert work.done == 3
@@ -126,17 +134,39 @@ class TestExecuted:
     def test_the_planner_holds_the_last_blocks_and_segments(self) -> None:
         executed, work = Executed(), errand(*["X1"] * 40)
         for _ in range(40):
-            executed.acknowledged(work, inert=False, certain=True)
+            acknowledged(executed, work, inert=False, certain=True)
         executed.in_planner(15)
         assert work.done == 40 - 15 - SEGMENTS_AHEAD
         executed.in_planner(0)
         assert work.done == 40 - SEGMENTS_AHEAD
 
+    @pytest.mark.parametrize("short", [None, 0, 20])
+    def test_lines_that_are_counted_together_count_the_same(self, short: int | None) -> None:
+        """Each of 40 lines with its own answer, or some at once; one of them may be too short for a block."""
+        reach_mm = tuple(0.001 if at == short else 1.0 for at in range(40))
+        one, several = Executed(), Executed()
+        first, second = (Errand(errand(*["X1"] * 41).lines, reach_mm=(*reach_mm, 1.0)) for _ in range(2))
+        for number, reach in enumerate(reach_mm, 1):
+            acknowledged(one, first, inert=False, certain=reach >= 0.01)
+            second.answered += 1
+            if number % 7 == 0 or number == 40:
+                several.planned(second, 0.01)
+            one.behind(15)
+            if second.counted == number:
+                several.behind(15)
+                assert (one.count, one.blocks, first.done) == (several.count, several.blocks, second.done)
+        assert first.done == 40 - 15 - SEGMENTS_AHEAD - (short is not None and short > 0)
+        assert one.at_rest(38) == several.at_rest(38) == []
+        assert first.done == second.done == 38
+        for executed, work in ((one, first), (several, second)):
+            acknowledged(executed, work, inert=False, certain=True)
+            assert executed.at_rest(41) == [work]
+
     def test_lines_that_may_have_made_no_block_prove_nothing(self) -> None:
         executed, work = Executed(), errand(*["X1"] * 60)
-        executed.acknowledged(work, inert=False, certain=True)
+        acknowledged(executed, work, inert=False, certain=True)
         for _ in range(59):
-            executed.acknowledged(work, inert=False, certain=False)
+            acknowledged(executed, work, inert=False, certain=False)
         executed.in_planner(1)
         assert work.done == 0
 
@@ -144,13 +174,13 @@ class TestExecuted:
         executed, work = Executed(), errand(*["X1"] * 60)
         executed.displaced()
         for _ in range(30):
-            executed.acknowledged(work, inert=False, certain=True, planner=15)
+            acknowledged(executed, work, inert=False, certain=True, planner=15)
         assert work.done == 30 - 15 - SEGMENTS_AHEAD
         executed.displaced()
         for _ in range(3):
-            executed.acknowledged(work, inert=False, certain=True, planner=15)
+            acknowledged(executed, work, inert=False, certain=True, planner=15)
         assert work.done == 30 - 15 - SEGMENTS_AHEAD
-        executed.acknowledged(work, inert=False, certain=True, planner=15)
+        acknowledged(executed, work, inert=False, certain=True, planner=15)
         assert work.done == 30 - 15 - SEGMENTS_AHEAD + 1
 
 

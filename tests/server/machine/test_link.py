@@ -209,6 +209,28 @@ def test_nobody_is_asked_where_nothing_follows_from_what_was_heard() -> None:
     run_simulated(main())
 
 
+def test_where_the_engine_has_no_news_its_bytes_go_out_and_that_is_all_until_it_has_or_the_link_is_closed() -> None:
+    async def main() -> None:
+        bench = Bench()
+        bench.link.pump()
+        bench.engine.news, seen = False, MessageSeen("<", "ok")
+        bench.engine.events.append(seen)
+        bench.engine.outgoing += b"X1;"
+        bench.link.receive(b"ok")
+        assert (bench.written, bench.events) == ([b"X1;"], [])
+        bench.engine.news = True
+        bench.link.receive(b"ok")
+        assert bench.events == [seen]
+        bench.engine.news = False
+        bench.engine.events.append(seen)
+        bench.link.receive(b"ok")
+        bench.engine.outgoing += b"X2;"
+        bench.link.close()
+        assert (bench.written, bench.events) == ([b"X1;"], [seen, seen]), "told, and nothing more is sent"
+
+    run_simulated(main())
+
+
 def test_an_offer_is_made_where_something_follows_and_what_comes_of_it_is_written() -> None:
     async def main() -> None:
         bench = Bench()

@@ -13,7 +13,7 @@ NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 def test_the_last_messages_oldest_first() -> None:
     recorder = Recorder(lambda: NOON + timedelta(seconds=4), lambda: 104.0)
     for number in range(5):
-        recorder.record([("<", f"OK,ID<#{number};")], 100.0 + number)
+        recorder.record([(100.0 + number, "<", f"OK,ID<#{number};")])
     assert [entry["text"] for entry in recorder.console(2)] == ["OK,ID<#3;", "OK,ID<#4;"]
     newest = {"at": "2026-03-01T12:00:04.000Z", "direction": "<", "text": "OK,ID<#4;"}
     assert recorder.console(1) == [newest]
@@ -30,7 +30,7 @@ def test_the_times_of_many_are_those_of_each(offset_s: float) -> None:
     recorder = Recorder(lambda: NOON.replace(hour=0) + timedelta(seconds=offset_s), lambda: now)
     singly = []
     for number in range(40):
-        recorder.record([(">", str(number))], now - 4 + number * 0.1001)
+        recorder.record([(now - 4 + number * 0.1001, ">", str(number))])
         singly.append(recorder.newest())
     for one, entry in zip(singly, recorder.console(40), strict=True):
         apart = datetime.fromisoformat(one["at"]) - datetime.fromisoformat(entry["at"])
@@ -40,17 +40,17 @@ def test_the_times_of_many_are_those_of_each(offset_s: float) -> None:
 
 def test_one_by_one_they_are_what_there_was_at_the_first() -> None:
     recorder = Recorder(lambda: NOON, lambda: 0.0)
-    recorder.record([(">", "a"), ("<", "b")], 0.0)
+    recorder.record([(0.0, ">", "a"), (0.0, "<", "b")])
     before, one_by_one = recorder.console(9), recorder.each(9)
     said = [next(one_by_one)]
-    recorder.record([(">", str(number)) for number in range(CONSOLE_MESSAGES)], 0.0)
+    recorder.record([(0.0, ">", str(number)) for number in range(CONSOLE_MESSAGES)])
     assert [*said, *one_by_one] == before
 
 
 def test_it_is_bounded_in_messages_and_in_characters() -> None:
     recorder = Recorder(lambda: NOON, lambda: 0.0)
     for _ in range(CONSOLE_MESSAGES + 10):
-        recorder.record([(">", "x" * 10_000)], 0.0)
+        recorder.record([(0.0, ">", "x" * 10_000)])
     console = recorder.console(CONSOLE_MESSAGES * 2)
     assert len(console) == CONSOLE_MESSAGES
     assert {len(entry["text"]) for entry in console} == {MESSAGE_CHARS}
@@ -60,7 +60,7 @@ def test_messages_that_came_together_are_counted_and_cut_one_by_one() -> None:
     recorder = Recorder(lambda: NOON, lambda: 0.0)
     texts = [str(number) for number in range(CONSOLE_MESSAGES + 7)]
     for at in range(0, len(texts), 3):
-        recorder.record([("<", text) for text in texts[at : at + 3]], 0.0)
+        recorder.record([(0.0, "<", text) for text in texts[at : at + 3]])
     assert [entry["text"] for entry in recorder.console(4)] == texts[-4:]
     assert [entry["text"] for entry in recorder.console(CONSOLE_MESSAGES * 2)] == texts[-CONSOLE_MESSAGES:]
 
