@@ -6,7 +6,7 @@ The one rule: done <= received <= sent <= read. What people are shown as progres
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Cursor:
     """The last line that was read and planned, handed to the wire, accepted by the machine, executed by it."""
 
@@ -20,18 +20,24 @@ class Cursor:
         """Everything up to `line` is behind us."""
         return cls(line, line, line, line)
 
-    def was_read(self, line: int) -> "Cursor":
-        return self if line <= self.read else Cursor(line, self.sent, self.received, self.done)
+    def was_read(self, line: int) -> None:
+        self.read = max(self.read, line)
 
-    def was_sent(self, line: int) -> "Cursor":
-        return Cursor(max(self.read, line), max(self.sent, line), self.received, self.done)
+    def was_sent(self, line: int) -> None:
+        if line > self.sent:
+            self.sent = line
+            self.was_read(line)
 
-    def was_received(self, line: int) -> "Cursor":
-        return Cursor(max(self.read, line), max(self.sent, line), max(self.received, line), self.done)
+    def was_received(self, line: int) -> None:
+        if line > self.received:
+            self.received = line
+            self.was_sent(line)
 
-    def was_done(self, line: int) -> "Cursor":
-        return Cursor(max(self.read, line), max(self.sent, line), max(self.received, line), max(self.done, line))
+    def was_done(self, line: int) -> None:
+        if line > self.done:
+            self.done = line
+            self.was_received(line)
 
-    def fell_back(self, line: int) -> "Cursor":
+    def fell_back(self, line: int) -> None:
         """What was sent after `line` is proven never to have been executed and will go out again."""
-        return Cursor(self.read, min(self.sent, line), min(self.received, line), min(self.done, line))
+        self.sent, self.received, self.done = min(self.sent, line), min(self.received, line), min(self.done, line)

@@ -35,6 +35,11 @@ class Delivery:
     locates: bool = True
 
     @property
+    def repeats(self) -> bool:
+        """What is open after a break may go out again, the same bytes: the journal keeps them. Else it is in doubt."""
+        return not self.forgets
+
+    @property
     def most_open(self) -> int:
         """Rows of a job without a durable end, at most."""
         return max(self.depth, self.least_blocks) + 1

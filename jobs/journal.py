@@ -6,7 +6,7 @@ The one rule: a row is durable before its first byte is sent, and it stays `plan
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 from sqlite_utils import Database
@@ -16,8 +16,24 @@ from jobs.effects import Entry, MarkBatch, RowStatus
 from protocol.commands import Position
 from protocol.errors import LocalError
 
-BODY_FIELDS = tuple(field.name for field in fields(PlannedBatch) if field.name != "reach_mm")
-"""How far the blocks of an open row go is of no use any more: it says when they are done."""
+USUAL: Mapping[str, Any] = {
+    "barrier": False,
+    "locate_after": False,
+    "ends_program": False,
+    "tool": None,
+    "motion": True,
+    "tool_change": False,
+    "lines": (),
+    "parts": (),
+    "pauses": False,
+    "io": (),
+    "set_tool": None,
+}
+BODY_FIELDS = ("blocks", "start", *USUAL)
+"""What stands in `body`, for the columns do not say it; what is as in USUAL is left out. How far the blocks of an open
+row go is of no use any more: it says when they are done."""
+IDS_AT_ONCE = 1000
+"""The highest ID is raised in such steps: it is a page of its own in the transaction."""
 
 INSERT = """
 insert into batches (job, seq, machine, wire_id, line_from, line_to, blocks, seconds, "end", part, body, status,
@@ -53,56 +69,57 @@ class Past:
     executed: int | None = None
 
 
-def journal(db: Database, machine: str, entry: Entry, at: str) -> None:
-    """Write a row, or give the row of the same `seq` its new ID."""
+def journal(db: Database, machine: str, entry: Entry, at: str, again: bool = True) -> None:
+    """Write a row, or give the row of the same `seq` its new ID, for which `raise_highest` has made room.
+
+    `again`: after a break its blocks may have to go out again (jobs.delivery); else the row needs none.
+    """
     batch = entry.batch
-    db.conn.execute(
-        INSERT,
-        [
-            entry.job_id,
-            entry.seq,
-            machine,
-            entry.wire_id,
-            batch.first_line,
-            batch.last_line,
-            len(batch.blocks),
-            batch.seconds,
-            json.dumps(dict(batch.end)),
-            batch.part,
-            _body(batch),
-            at,
-        ],
+    values = (
+        entry.job_id,
+        entry.seq,
+        machine,
+        entry.wire_id,
+        batch.first_line,
+        batch.last_line,
+        len(batch.blocks),
+        batch.seconds,
+        json.dumps(dict(batch.end)),
+        batch.part,
+        _body(batch) if again else None,
+        at,
     )
-    db.conn.execute(RAISE_HIGHEST, [machine, entry.wire_id])
+    db.conn.execute(INSERT, values)
+
+
+def raise_highest(db: Database, machine: str, wire_id: int) -> None:
+    """No ID above this one will be journaled for this machine before the next call."""
+    db.conn.execute(RAISE_HIGHEST, (machine, wire_id))
 
 
 def mark(db: Database, effect: MarkBatch) -> None:
     """Write the end of a row and how far its job is."""
     entry, done = effect.entry, effect.status is RowStatus.OK
     planned = effect.end is None or effect.end == entry.batch.end  # stands in the row already
-    end = None if planned else json.dumps(dict(effect.end or {}))
-    changed = db.conn.execute(
-        MARK,
-        [
-            effect.status,
-            effect.attempts,
-            effect.inferred,
-            effect.sent_at,
-            effect.received_at,
-            effect.ok_at,
-            end,
-            done,
-            entry.job_id,
-            entry.seq,
-            entry.wire_id,
-        ],
+    values = (
+        effect.status,
+        effect.attempts,
+        effect.inferred,
+        effect.sent_at,
+        effect.received_at,
+        effect.ok_at,
+        None if planned else json.dumps(dict(effect.end or {})),
+        done,
+        entry.job_id,
+        entry.seq,
+        entry.wire_id,
     )
-    if changed.rowcount != 1:
+    if db.conn.execute(MARK, values).rowcount != 1:
         raise LocalError(f"no row {entry.seq} of job {entry.job_id} under ID {entry.wire_id} to mark")
     if (cut := effect.cut) is not None:
-        key = [entry.job_id, entry.seq, entry.wire_id]
-        db.conn.execute(CUT, [cut.last_line, len(cut.blocks), cut.seconds, cut.part, *key])
-    db.conn.execute("update jobs set line_done = ? where id = ?", [effect.line_done, entry.job_id])
+        key = (entry.job_id, entry.seq, entry.wire_id)
+        db.conn.execute(CUT, (cut.last_line, len(cut.blocks), cut.seconds, cut.part, *key))
+    db.conn.execute("update jobs set line_done = ? where id = ?", (effect.line_done, entry.job_id))
 
 
 def past(db: Database, job: int, *, most_open: int = 2) -> Past:
@@ -181,12 +198,26 @@ def alive_at(db: Database, machine: str) -> str | None:
 
 
 def _body(batch: PlannedBatch) -> str:
-    body: dict[str, Any] = {name: getattr(batch, name) for name in BODY_FIELDS}
-    return json.dumps(body | {"start": dict(batch.start), "end": dict(batch.end)})
+    body: dict[str, Any] = {"blocks": batch.blocks, "start": dict(batch.start)}
+    for name, usual in USUAL.items():
+        if (value := getattr(batch, name)) != usual:
+            body[name] = value
+    return json.dumps(body)
 
 
 def _batch(row: Mapping[str, Any]) -> PlannedBatch:
-    body = json.loads(row["body"])
-    lists = {name: tuple(body.get(name, ())) for name in ("blocks", "lines", "parts")}
-    said = tuple((letter, number) for letter, number in body.get("io", ()))
-    return PlannedBatch(**(body | lists | {"io": said}))
+    """What is open. Rows of older versions say in their body what the columns say, too."""
+    columns = {"first_line": row["line_from"], "last_line": row["line_to"], "seconds": row["seconds"]}
+    fields = {**USUAL, **columns, "end": json.loads(row["end"]), **_said(row)}
+    fields |= {name: tuple(fields[name]) for name in ("blocks", "lines", "parts")}
+    fields["io"] = tuple((letter, number) for letter, number in fields["io"])
+    return PlannedBatch(**fields)
+
+
+def _said(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The body; of a row whose blocks are never sent again, which lines they are from."""
+    if row["body"] is not None:
+        return dict(json.loads(row["body"]))
+    first, last, count = row["line_from"], row["line_to"], row["blocks"]
+    lines = () if last - first + 1 == count else (*[first] * (count - 1), last)
+    return {"blocks": ("",) * count, "start": {}, "lines": lines}

@@ -64,7 +64,7 @@ class Ledger:
     def submit(self, entry: Entry) -> None:
         """It is about to be handed to the engine."""
         self.open.append(Flight(entry))
-        self.cursor = self.cursor.was_sent(entry.batch.last_line)
+        self.cursor.was_sent(entry.batch.last_line)
 
     def sent(self, flight: Flight, attempt: int, at: str) -> None:
         """Its bytes are on the wire."""
@@ -74,13 +74,13 @@ class Ledger:
     def received(self, flight: Flight, at: str) -> None:
         """The machine has accepted it."""
         flight.received_at = flight.received_at or at
-        self.cursor = self.cursor.was_received(flight.entry.batch.last_line)
+        self.cursor.was_received(flight.entry.batch.last_line)
 
     def done(self, flight: Flight, *, inferred: bool, position: Position | None, at: str) -> MarkBatch:
         """It was executed; the machine stands at `position`, where it was asked for that, else where it was planned."""
         batch = flight.entry.batch
         self.open.remove(flight)
-        self.cursor = self.cursor.was_done(batch.line_behind(len(batch.blocks) - 1))
+        self.cursor.was_done(batch.line_behind(len(batch.blocks) - 1))
         self.executed = flight.entry.wire_id + len(batch.blocks) - 1
         self.seconds_done += batch.seconds
         self.position = dict(batch.end if position is None else position)
@@ -102,7 +102,7 @@ class Ledger:
         touched = len(batch.blocks) if lines_touched is None else lines_touched
         self.open.remove(flight)
         if done:
-            self.cursor = self.cursor.was_done(batch.line_behind(done - 1))
+            self.cursor.was_done(batch.line_behind(done - 1))
         if touched > done:
             self.doubtful.append((batch.line_of(done), batch.line_of(touched - 1)))
         return self._mark(flight, RowStatus.FAILED if touched else RowStatus.UNSENT)
@@ -112,7 +112,8 @@ class Ledger:
         mark, and the rest, which was never sent."""
         first, rest = flight.entry.batch.cut(blocks, position)
         self.open.remove(flight)
-        self.cursor = self.cursor.was_done(first.line_behind(blocks - 1)).fell_back(first.last_line)
+        self.cursor.was_done(first.line_behind(blocks - 1))
+        self.cursor.fell_back(first.last_line)
         self.executed = flight.entry.wire_id + blocks - 1
         self.seconds_done += first.seconds
         self.position = dict(position)
@@ -121,12 +122,12 @@ class Ledger:
     def undo(self) -> tuple[list[MarkBatch], list[PlannedBatch]]:
         """Whatever is open never arrived: the marks, and the batches to be sent again, in order."""
         undone, self.open = self.open, []
-        self.cursor = self.cursor.fell_back(self.cursor.done)
+        self.cursor.fell_back(self.cursor.done)
         return [self._mark(flight, RowStatus.UNDONE) for flight in undone], [flight.entry.batch for flight in undone]
 
     def left_out(self, entry: Entry) -> MarkBatch:
         """A row that never goes out, for there is nothing left to do for its line."""
-        self.cursor = self.cursor.was_done(entry.batch.line_behind(len(entry.batch.blocks) - 1))
+        self.cursor.was_done(entry.batch.line_behind(len(entry.batch.blocks) - 1))
         return self._mark(Flight(entry), RowStatus.UNSENT)
 
     def unsent(self, entry: Entry) -> MarkBatch:

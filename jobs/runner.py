@@ -267,7 +267,7 @@ class Runner(ToolSide):
             return None
         ahead, end = self.feed.plan(), self.feed.end
         if ahead is not None:
-            self.ledger.cursor = self.ledger.cursor.was_read(ahead.batch.last_line)
+            self.ledger.cursor.was_read(ahead.batch.last_line)
         elif end is not None and not self.ledger.open:
             self._end(end)
         return ahead

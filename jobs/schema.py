@@ -46,7 +46,8 @@ def m002_jobs(db: Database) -> None:
 
 @migrations()
 def m003_batches(db: Database) -> None:
-    """The journal. `body` is what is needed to send the same bytes again; it is dropped when the batch is done."""
+    """The journal. `body` is what is needed to send the same bytes again, where that can happen (jobs.delivery); it is
+    dropped when the batch is done."""
     db.execute("""
         create table batches (
             job integer not null references jobs (id), seq integer not null, machine text not null,
@@ -225,6 +226,13 @@ def m019_tokens_forgotten(db: Database) -> None:
     db.execute("""
         create table tokens_forgotten (id integer primary key check (id = 1), revoked_until text not null)
     """)
+
+
+@migrations()
+def m020_no_index_of_open_batches(db: Database) -> None:
+    """Each row of the journal went into it and out again, a page of each transaction; it was read at a start alone,
+    where all rows of the job are read anyway (jobs/journal.py)."""
+    db.execute("drop index batches_open")
 
 
 class NewerDatabaseError(sqlite3.DatabaseError):

@@ -85,6 +85,8 @@ class JobStream:
         self._overdue: asyncio.TimerHandle | None = None
         self._progress_at = 0.0
         self._alive_at = 0.0
+        self._ids_up_to = 0
+        """No ID up to it is above the highest one that the journal knows of."""
 
     # --- what is derived --------------------------------------------------------------------------------------
 
@@ -310,7 +312,11 @@ class JobStream:
             if self.runner is runner and runner.has_room:  # else it goes out when one of those has ended
                 self.react([])
 
-        self._post(journal.journal, self.machine, entry, stamp(self._clock), then=durable)
+        if entry.wire_id > self._ids_up_to:
+            self._ids_up_to = -(-entry.wire_id // journal.IDS_AT_ONCE) * journal.IDS_AT_ONCE
+            self._post(journal.raise_highest, self.machine, self._ids_up_to)
+        at, again = stamp(self._clock), runner.delivery.repeats
+        self._post(journal.journal, self.machine, entry, at, again, then=durable)
 
     def _marked(self, mark: MarkBatch) -> None:
         if mark.status is RowStatus.OK:

@@ -84,6 +84,7 @@ STEPS: dict[str, Step] = {
     "a hold of a job": lambda db: store.set_hold(db, RAN, False),
     "checking": go(Status.QUEUED, Status.CHECKING),
     "running": go(Status.CHECKING, Status.RUNNING),
+    "room for its ID": lambda db: journal.raise_highest(db, "router", 2000),
     "a row": lambda db: journal.journal(db, "router", ROW, AT),
     "its end": lambda db: journal.mark(db, MarkBatch(ROW, RowStatus.OK, 1, attempts=1)),
     "a row that is cut": lambda db: journal.journal(db, "router", LONG_ROW, AT),
