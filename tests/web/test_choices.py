@@ -74,7 +74,7 @@ def test_between_two_jobs_the_band_says_how_the_last_one_ended_and_which_one_sta
     for text in ("part.nc", "failed", error["message"], "Start lets go: flange.nc"):
         expect(between).to_contain_text(str(text))
     notes = one.page.locator("[data-name=queue] .note")
-    expect(notes).to_have_text(["Job 18 · left vice", "Job 19 · right vice · mill is connecting."])
+    expect(notes).to_have_text(["Job 18 · left vice", "Job 19 · right vice · the machine was not connected"])
     expect(one.page.locator(".notice.error")).to_contain_text("mill: part.nc: failed")
     expect(one.page).to_have_title("Idle · mill")
     assert serious(one.page) == []

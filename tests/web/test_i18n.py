@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from server.problems import CODES
+
 WEB = Path(__file__).resolve().parents[2] / "web"
 LANGUAGES = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted((WEB / "i18n").glob("*.json"))}
 SCRIPTS = [path for path in sorted(WEB.rglob("*.js")) if path.parent.name != "vendor"]
@@ -50,6 +52,17 @@ def test_every_status_has_its_word_its_picture_and_its_colour() -> None:
         assert f"status.{status}" in LANGUAGES["en"]
         assert re.search(rf"^\s*{status}: ", icons, re.MULTILINE), f"no icon of {status}"
         assert re.search(rf"\.s-{status}\b", colours), f"no colour of {status}"
+
+
+def test_every_reason_for_a_hold_has_its_words_in_every_language() -> None:
+    from jobs.holds import HOLD_CODES
+
+    script = (WEB / "jobs" / "held.js").read_text(encoding="utf-8")
+    plain, refused = (set(re.findall(r'"(\w+)"', text)) for text in re.findall(r"new Set\(\[(.*?)\]\)", script))
+    assert plain == set(HOLD_CODES) - {"asked"}, "whoever asked for it knows why"
+    assert refused <= set(CODES)
+    for words in LANGUAGES.values():
+        assert {key for key in words if key.startswith("held.")} == {f"held.{code}" for code in plain | refused}
 
 
 def test_every_status_of_a_job_has_its_word() -> None:

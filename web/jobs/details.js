@@ -11,6 +11,7 @@ import { ENDED } from "../state/reduce.js";
 import { jobs, learnJob, live, role, world } from "../state/store.js";
 import { whyNot } from "../state/reasons.js";
 import { Button } from "../parts/button.js";
+import { heldBecause, heldDetail } from "./held.js";
 import { Journal } from "./journal.js";
 import { Recover } from "./recover.js";
 
@@ -58,7 +59,7 @@ function Facts({ job }) {
     ${job.mode === "check" && html`<div><dt>${t("program.mode")}</dt><dd>${t("program.mode.check")}</dd></div>`}
     ${job.on_error && html`<div><dt>${t("program.on_error")}</dt><dd>${t(`program.on_error.${job.on_error}`)}</dd></div>`}
     ${job.rerun_of !== null && html`<div><dt>${t("job.rerun_of")}</dt><dd><a href=${to("jobs", job.rerun_of)}>${job.rerun_of}</a></dd></div>`}
-    ${job.hold && job.hold_reason && job.hold_reason.code !== "asked" && html`<div class="whole" data-name="hold-reason"><dt>${t("queue.held")}</dt><dd>${job.hold_reason.message}</dd></div>`}
+    ${heldBecause(job) && html`<div class="whole" data-name="hold-reason"><dt>${t("queue.held")}</dt><dd>${heldBecause(job)}${heldDetail(job) && html` <small>${heldDetail(job)}</small>`}</dd></div>`}
     ${job.note && html`<div class="whole"><dt>${t("job.note")}</dt><dd>${job.note}</dd></div>`}
   </dl>`;
 }

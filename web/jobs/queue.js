@@ -6,9 +6,7 @@ import { to } from "../lib/router.js";
 import { onJob } from "../state/actions.js";
 import { against, jobs, queue } from "../state/store.js";
 import { Button } from "../parts/button.js";
-
-/** Why it is on hold, where that is not plain. @param {import("../types.js").Waiting} one */
-const why = (one) => (one.hold && one.hold_reason && one.hold_reason.code !== "asked" ? one.hold_reason.message : null);
+import { heldBecause } from "./held.js";
 
 export function QueuePanel() {
   const waiting = queue.value;
@@ -18,7 +16,7 @@ export function QueuePanel() {
     ${waiting.length === 0 && html`<p class="empty">${t("queue.empty")} <a href=${to("programs")}>${t("queue.choose")}</a></p>`}
     <ol>${waiting.map((one, index) => html`<li key=${one.id} data-job=${one.id}>
       <a class="name" href=${to("jobs", one.id)}>${one.program_name}</a>
-      <small class="note">${[t("job.title", { id: one.id }), jobs.value[one.id]?.note, why(one)].filter(Boolean).join(" · ")}</small>
+      <small class="note">${[t("job.title", { id: one.id }), jobs.value[one.id]?.note, heldBecause(one)].filter(Boolean).join(" · ")}</small>
       <span class="tag">${t(one.hold ? "queue.held" : "queue.ready")}</span>
       <div class="row">
         <${Button} icon="up" label=${t("queue.up")} kind="icon-only"
