@@ -22,6 +22,7 @@ class Dialect:
     line_chars: int = LINE_CHARS
     idle_poll_s: float = 0.2
     busy_poll_s: float = 0.1
+    stream_poll_s: float = 0.2
     report_timeout_s: float = 5.0
     answer_timeout_s: float = 10.0  # a line without an answer although the machine stands idle
     stop_timeout_s: float = 15.0  # to come to a stand before the reset goes out all the same

@@ -122,7 +122,8 @@ class GrblEngine(Watching):
             if self._phase is Phase.CLOSED:
                 return
             if heard is OK:
-                self._on_ok(now)
+                if not self._plain_ok(now):
+                    self._on_ok(now)
                 continue
             message = heard.message
             if isinstance(message, ProtocolFault):

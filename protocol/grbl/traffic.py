@@ -132,10 +132,13 @@ class Traffic(ABC):
     @property
     def _executed(self) -> Executed:
         """What is proven, with all that was answered."""
+        self._count()
+        return self._proofs
+
+    def _count(self) -> None:
         if self._flowing is not None:
             self._proofs.planned(self._flowing, self._blocks.least_mm)
             self._flowing = None
-        return self._proofs
 
     def _fail(self, token: int | None, code: int | None, message: str) -> None:
         if token is not None:
@@ -267,6 +270,7 @@ class Traffic(ABC):
         self._progress_at = now
         errand = entry[0]
         asked = errand.request
+        self._count()  # what was answered before this one
         errand.answered += 1
         if errand.failed:
             return

@@ -50,8 +50,7 @@ class Watching(Resets):
         self._going_on: list[int] = []  # wishes to go on that wait for the machine to stand
 
     def _on_report(self, report: StatusReport, now: float) -> None:
-        busy = report.status not in ("idle", "alarm", "sleep") or not self._window.empty
-        mark = self._poll.answered(now, self._dialect.busy_poll_s if busy else self._dialect.idle_poll_s)
+        mark = self._poll.answered(now, self._interval_s(report))
         before, self._status = self._status, report.status
         self._substate, self._reported_at = report.substate, self._poll.asked
         if self._phase in (Phase.RESETTING, Phase.RESTARTING):
@@ -82,6 +81,15 @@ class Watching(Resets):
         self._watch_jogs(report)
         self._watch_phase(report, now)
         self._watch_answers(report, now)
+
+    def _interval_s(self, report: StatusReport) -> float:
+        """Until the next question. A job that streams says by itself how it goes on; where somebody waits for the
+        machine (it is being held or stopped, it jogs, it homes) each report tells something."""
+        dialect = self._dialect
+        if report.status == "run" and self._batches and self._held_at is None and self._phase is Phase.READY:
+            return dialect.stream_poll_s
+        busy = report.status not in ("idle", "alarm", "sleep") or not self._window.empty
+        return dialect.busy_poll_s if busy else dialect.idle_poll_s
 
     def _watch_mode(self, report: StatusReport, now: float) -> None:
         """Somebody else has switched the check mode, or a banner was garbled: what is a check must not move, and what

@@ -34,6 +34,7 @@ class GrblConfig(Section):
     on_error: OnError = "hold"
     idle_poll: Annotated[float, Field(ge=0.1, le=5)] = 0.2
     busy_poll: Annotated[float, Field(ge=0.1, le=5)] = 0.1
+    stream_poll: Annotated[float, Field(ge=0.1, le=5)] = 0.2
     report_timeout: Annotated[float, Field(ge=1, le=600)] = 5.0
     answer_timeout: Annotated[float, Field(ge=1, le=600)] = 10.0
     stop_timeout: Annotated[float, Field(ge=1, le=600)] = 15.0
@@ -67,6 +68,7 @@ class GrblConfig(Section):
             line_chars=load_profile(self.profile).max_block_bytes,
             idle_poll_s=self.idle_poll,
             busy_poll_s=self.busy_poll,
+            stream_poll_s=self.stream_poll,
             report_timeout_s=self.report_timeout,
             answer_timeout_s=self.answer_timeout,
             stop_timeout_s=self.stop_timeout,
