@@ -95,9 +95,9 @@ class _Measuring:
         """The same where the link counts."""
         writer.open(columns)
         segments = self._reading.read(columns, blocks, end=rows, follower=writer)
-        sent = np.array([len(text) for text in writer.texts(0, rows)], np.float64)
+        _, sent = writer.texts(0, rows)
         # A line end, or what else stands between blocks.
-        link_s = (sent + (sent > 0)) * BITS_A_BYTE / float(self._sending.baud or 1)
+        link_s = (sent + (sent > 0.0)) * BITS_A_BYTE / float(self._sending.baud or 1)
         self._maker.add_link(np.arange(columns.first_line, columns.first_line + rows), link_s)
         self._maker.add(segments, self._floors(segments, columns.first_line, link_s))
 

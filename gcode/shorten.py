@@ -12,6 +12,7 @@ from gcode.decimals import PAD_BYTES
 from gcode.words import shortest
 
 Ints = NDArray[np.int32]
+Sizes = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 Bools = NDArray[np.bool_]
 
@@ -19,28 +20,28 @@ _BLANK, _PLUS, _MINUS, _POINT, _ZERO = b" +-.0"
 _LF = b"\n"[0]
 
 
-def texts(columns: Columns, kept: Bools, *, shorten: bool = True) -> list[bytes]:
-    """The bytes of each row, without an end, of the words that are `kept` (one entry a word); empty without words.
+def texts(columns: Columns, kept: Bools, *, shorten: bool = True) -> tuple[list[str], Sizes]:
+    """The text of each row, without an end, of the words that are `kept` (one entry a word), and its bytes; empty
+    without words.
 
     With `shorten` numbers lose `+`, superfluous zeros and point; otherwise they stay as written.
     """
-    data = np.frombuffer(columns.text, np.uint8).copy()
-    left = np.flatnonzero(~kept)
-    _blank(data, columns.start[left] - np.int32(1), columns.end[left])
-    if shorten:
-        words = np.flatnonzero(kept)
-        _shorten(data, columns.start[words], columns.end[words], columns.value[words] == 0)
-    if len(columns.unusual):
-        line_ends = np.flatnonzero(data[: _usual_bytes(columns)] == _LF)[PAD_BYTES - 1 :].astype(np.int32)
-        _blank(data, line_ends[columns.unusual] + np.int32(1), line_ends[columns.unusual + 1])
-    rows = data[PAD_BYTES:].tobytes().translate(None, b" ").split(b"\n")[: columns.lines]
-    _write_unusual(rows, columns, kept, shorten=shorten)
-    return rows
-
-
-def _usual_bytes(columns: Columns) -> int:
-    """Where the lines end and the words of unusual rows begin: no line end is behind."""
-    return columns.text.rfind(b"\n") + 1
+    text = columns.text
+    if shorten or not kept.all():
+        data = np.frombuffer(text, np.uint8).copy()
+        left = np.flatnonzero(~kept)
+        _blank(data, columns.start[left] - np.int32(1), columns.end[left])
+        if shorten:
+            words = np.flatnonzero(kept)
+            _shorten(data, columns.start[words], columns.end[words], columns.value[words] == 0)
+        text = data.tobytes().translate(None, b" ")
+    # Behind the last line end are the words of the unusual rows.
+    text = text[PAD_BYTES - 1 : text.rfind(b"\n") + 1]
+    sizes = np.diff(np.flatnonzero(np.frombuffer(text, np.uint8) == _LF)) - 1
+    # What is not ASCII is in unusual rows only.
+    rows = text[1:].decode("latin-1").split("\n")[: columns.lines]
+    _write_unusual(rows, sizes, columns, kept, shorten=shorten)
+    return rows, sizes
 
 
 def _blank(data: Bytes, start: Ints, end: Ints) -> None:
@@ -94,7 +95,7 @@ def _trailing_zeros(data: Bytes, start: Ints, end: Ints) -> None:
         at = at[was_zero] - np.int32(1)
 
 
-def _write_unusual(rows: list[bytes], columns: Columns, kept: Bools, *, shorten: bool) -> None:
+def _write_unusual(rows: list[str], sizes: Sizes, columns: Columns, kept: Bools, *, shorten: bool) -> None:
     """The rows whose numbers may have any length, word by word."""
     first = np.searchsorted(columns.row, columns.unusual).tolist()
     behind = np.searchsorted(columns.row, columns.unusual, side="right").tolist()
@@ -103,4 +104,5 @@ def _write_unusual(rows: list[bytes], columns: Columns, kept: Bools, *, shorten:
         for index in (np.flatnonzero(kept[begin:stop]) + begin).tolist():
             number = columns.text[columns.start[index] : columns.end[index]].decode("ascii")
             words.append(chr(columns.letter[index]) + (shortest(number) if shorten else number))
-        rows[row] = "".join(words).encode("ascii")
+        rows[row] = "".join(words)
+        sizes[row] = len(rows[row])

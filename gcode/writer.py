@@ -11,7 +11,7 @@ from gcode.columns import Columns
 from gcode.compact import Compactor
 from gcode.profile import Profile
 from gcode.segments import Bools
-from gcode.shorten import texts
+from gcode.shorten import Sizes, texts
 from gcode.words import Block
 
 
@@ -60,12 +60,13 @@ class Writer:
                 self.block(stop, columns.block(stop))
             at = stop + 1
 
-    def texts(self, begin: int, end: int) -> list[str]:
-        """The texts of the rows [begin, end), which have been gone through; empty where nothing is to be sent."""
+    def texts(self, begin: int, end: int) -> tuple[list[str], Sizes]:
+        """The texts of the rows [begin, end), which have been gone through, and their bytes; empty where nothing is to
+        be sent."""
         assert self._columns is not None
-        written = texts(self._columns, self._kept, shorten=self._compactor is not None)
-        found = [text.decode("ascii") for text in written[begin:end]]
+        written, sizes = texts(self._columns, self._kept, shorten=self._compactor is not None)
+        found, found_bytes = written[begin:end], sizes[begin:end]
         for row, text in self._single.items():
             if begin <= row < end:
-                found[row - begin] = text
-        return found
+                found[row - begin], found_bytes[row - begin] = text, len(text)
+        return found, found_bytes

@@ -20,7 +20,7 @@ from gcode.interpret import Reading
 from gcode.motion import Motion
 from gcode.planner import plan
 from gcode.profile import Profile
-from gcode.segments import DWELL, Segments
+from gcode.segments import DWELL, Ints, Segments
 from gcode.state import State
 from gcode.words import Block, parse_block
 from gcode.writer import Writer
@@ -65,7 +65,7 @@ class _Piece:
     """Lines that have been read together; those before `at` are done with. `lines`: their numbers. `io`: what each row
     says to a tool changer, of the few that do."""
 
-    lines: list[int]
+    lines: Ints
     columns: Columns
     blocks: Blocks
     at: int = 0
@@ -120,9 +120,10 @@ class BlockReader:
         while self._load(LINES_AT_ONCE):
             piece = self._piece
             assert piece is not None
-            first = next((row for row, line in enumerate(piece.lines) if line >= self._skip_to), None)
-            self._follow(piece, len(piece.lines) if first is None else first)
-            if first is not None:
+            wanted = np.flatnonzero(piece.lines >= self._skip_to)
+            first = int(wanted[0]) if len(wanted) else len(piece.lines)
+            self._follow(piece, first)
+            if first < len(piece.lines):
                 behind, row = (piece, first - 1) if first else (before, 0 if before is None else len(before.lines) - 1)
                 self._after_change(behind, row)
                 return
@@ -144,7 +145,7 @@ class BlockReader:
         begin = piece.at
         end, barrier = self._stop(piece)
         if barrier is None:
-            return self._given_out(piece, begin, end, *self._execute(piece, begin, end))
+            return self._given_out(piece, begin, end)
         if self._rules.tools is not None and barrier.of_tools:
             return Stretch.of((), self._change(piece, begin, barrier, self._rules.tools))
         return self._given_out_alone(piece, begin, barrier)
@@ -157,12 +158,11 @@ class BlockReader:
         if not taken:
             self.ended, self._piece = True, None
             return 0
-        numbers, texts = zip(*taken, strict=True)
-        columns = read_columns(b"\n".join((*texts, b"")), encoding=self._rules.encoding)
+        columns = read_columns(b"\n".join([raw for _, raw in taken]) + b"\n", encoding=self._rules.encoding)
         blocks = self._reading.blocks(columns)
         self._writer.open(columns)
         said = io_words(columns, blocks, self._reading.table)
-        self._piece = _Piece([*numbers], columns, blocks, io=said)
+        self._piece = _Piece(np.array([line for line, _ in taken], np.int64), columns, blocks, io=said)
         return len(taken)
 
     def _stop(self, piece: _Piece) -> tuple[int, Barrier | None]:
@@ -174,7 +174,7 @@ class BlockReader:
                 if row > piece.at:
                     return row, None
                 fault = block.faults[0]
-                raise PlanError(piece.lines[row], f"column {fault.column}: {fault.message}")
+                raise PlanError(int(piece.lines[row]), f"column {fault.column}: {fault.message}")
             if (barrier := barrier_of(block, self._rules.profile)) is not None:
                 return (row, None) if row > piece.at else (row + 1, barrier)
         return len(piece.lines), None
@@ -187,8 +187,8 @@ class BlockReader:
 
     # --- executing ----------------------------------------------------------------------------------------------
 
-    def _execute(self, piece: _Piece, begin: int, end: int) -> tuple[Segments, list[str]]:
-        """The motion of these rows, `line` being their row, and their wire texts."""
+    def _execute(self, piece: _Piece, begin: int, end: int) -> tuple[Segments, list[str], Ints]:
+        """The motion of these rows, `line` being their row, their wire texts, and the bytes of these."""
         piece.at = end
         if self._inches is not None and (self._inches.active or _has_inches(piece.columns)):
             return self._execute_converted(piece, begin, end)
@@ -196,7 +196,7 @@ class BlockReader:
         segments = self._reading.read(
             piece.columns, piece.blocks, begin=begin, end=end, line=numbers, follower=self._writer
         )
-        return segments, self._writer.texts(begin, end)
+        return segments, *self._writer.texts(begin, end)
 
     def _follow(self, piece: _Piece, end: int) -> None:
         """Execute the rows before `end` without writing them."""
@@ -208,7 +208,7 @@ class BlockReader:
             self._reading.step(row, self._inches.convert(self._block(piece, row)))
         self._reading.take()
 
-    def _execute_converted(self, piece: _Piece, begin: int, end: int) -> tuple[Segments, list[str]]:
+    def _execute_converted(self, piece: _Piece, begin: int, end: int) -> tuple[Segments, list[str], Ints]:
         """The same block by block: every length is rewritten in mm."""
         assert self._inches is not None
         written = []
@@ -216,13 +216,16 @@ class BlockReader:
             block = self._inches.convert(self._block(piece, row))
             self._reading.step(row, block)
             written.append(self._writer.text(block))
-        return self._reading.take(), written
+        return self._reading.take(), written, np.array([*map(len, written)], np.int64)
 
-    def _given_out(self, piece: _Piece, begin: int, end: int, segments: Segments, written: list[str]) -> Stretch:
+    def _given_out(self, piece: _Piece, begin: int, end: int) -> Stretch:
+        """These rows as blocks, without those that have nothing to send."""
+        segments, written, sizes = self._execute(piece, begin, end)
         count = end - begin
-        sizes = np.fromiter(map(len, written), np.int64, count)
         if sizes.max() > self._rules.max_block_bytes:
-            self._refuse_too_long(piece.lines[begin:end], written)
+            row = int(np.flatnonzero(sizes > self._rules.max_block_bytes)[0])
+            most = f"the block has {sizes[row]} bytes, the machine takes {self._rules.max_block_bytes}"
+            raise PlanError(int(piece.lines[begin + row]), most)
         rows = segments.line - begin
         seconds = np.bincount(rows, weights=plan(segments, self._rules.motion), minlength=count)
         uncertain = np.bincount(rows, weights=ways.is_uncertain(segments, piece.blocks), minlength=count) > 0
@@ -231,7 +234,7 @@ class BlockReader:
         moves = np.bincount(rows, weights=segments.kind != DWELL, minlength=count) > 0
         sent = np.flatnonzero(sizes)
         return Stretch(
-            lines=np.array(piece.lines[begin:end], np.int64)[sent],
+            lines=piece.lines[begin:end][sent],
             texts=[*filter(None, written)],
             sizes=sizes[sent],
             seconds=seconds[sent].tolist(),
@@ -248,7 +251,7 @@ class BlockReader:
 
     def _given_out_alone(self, piece: _Piece, row: int, barrier: Barrier) -> Stretch:
         """A barrier; nothing, where there is nothing of it to send."""
-        found = self._given_out(piece, row, row + 1, *self._execute(piece, row, row + 1))
+        found = self._given_out(piece, row, row + 1)
         if not found.texts:
             return found
         alone = found.one(0)
@@ -261,7 +264,7 @@ class BlockReader:
     def _change(self, piece: _Piece, row: int, barrier: Barrier, tools: ToolBlocks) -> Upcoming:
         """The line of an M6 or M61 as other blocks; what restores the modes comes behind it."""
         piece.at = row + 1
-        block, line, before = self._block(piece, row), piece.lines[row], self.state.copy()
+        block, line, before = self._block(piece, row), int(piece.lines[row]), self.state.copy()
         self.forget()
         if barrier.set_tool is not None:
             texts = [clean(block)] if tools.knows_m61 else [rest_of(block) or STANDSTILL]
@@ -292,7 +295,7 @@ class BlockReader:
         block = self._block(piece, row)
         barrier = barrier_of(block, self._rules.profile)
         if barrier is not None and barrier.tool_change:
-            self._behind = self._restored(piece.lines[row], self.state.copy(), "", self._rules.tools)
+            self._behind = self._restored(int(piece.lines[row]), self.state.copy(), "", self._rules.tools)
 
     def _stepped(self, line: int, texts: list[str]) -> list[Upcoming]:
         """Blocks that no line of the program has, followed as all others."""
@@ -307,11 +310,6 @@ class BlockReader:
             unknown = bool((np.isnan(segments.start) ^ np.isnan(segments.end)).any())
             found.append(Upcoming(line, text, seconds, inf if unknown else seconds, moves, _place(self.state)))
         return found
-
-    def _refuse_too_long(self, lines: list[int], written: list[str]) -> None:
-        most_bytes = self._rules.max_block_bytes
-        line, text = next((line, text) for line, text in zip(lines, written, strict=True) if len(text) > most_bytes)
-        raise PlanError(line, f"the block has {len(text)} bytes, the machine takes {most_bytes}")
 
 
 def _place(state: State) -> tuple[float, ...]:
