@@ -7,6 +7,7 @@ The one rule: memory depends on the number of places, never on the length of the
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from gcode.segments import CCW, CW, FEED, RAPID, Floats, Ints, Segments
 
 PLACES = 1000
 """Rows of the table. A program of fewer lines is known line by line; else there is a straight line in between."""
+
+MOST_ASKED = 16
+"""Answers that are kept."""
 
 MOST_S = 1e9
 """Of one segment; what is longer, infinite or no number is an odd program and no estimate."""
@@ -35,8 +39,7 @@ class Overrides:
 AS_PROGRAMMED = Overrides()
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(NamedTuple):
     """Planned seconds of consecutive lines.
 
     `feed_s` would be the time of the cuts at their programmed feed; `rapid_s` is that of the rapids; `other_s` is what
@@ -57,12 +60,13 @@ class Span:
 class Timeline:
     """`table`: cumulative seconds (4, places + 1) before the first line and behind the lines of each place."""
 
-    __slots__ = ("_step", "_table", "lines", "total_s")
+    __slots__ = ("_asked", "_step", "_table", "lines", "total_s")
 
     def __init__(self, table: Floats, lines: int) -> None:
         self.lines = max(lines, 1)
         self._table = table
         self._step = _step(self.lines)
+        self._asked: dict[int, list[float]] = {}
         self.total_s = self.between(0, self.lines).seconds()
         """Planned seconds of the whole program."""
 
@@ -81,11 +85,18 @@ class Timeline:
     def between(self, behind: int, last: int) -> Span:
         """Of the lines after `behind`, up to and with `last`; nothing where there are none."""
         here, there = self._at(behind), self._at(max(last, behind))
-        return Span(*(end - begin for begin, end in zip(here, there, strict=True)))
+        return Span(*[end - begin for begin, end in zip(here, there, strict=True)])
 
     def _at(self, line: int) -> list[float]:
-        """The table behind `line`, a straight line within a place."""
-        line = min(max(line, 0), self.lines)
+        """The table behind `line`. While a job runs most questions have an end in common with the one before."""
+        if line not in self._asked:
+            if len(self._asked) >= MOST_ASKED:
+                self._asked.clear()
+            self._asked[line] = self._interpolated(min(max(line, 0), self.lines))
+        return self._asked[line]
+
+    def _interpolated(self, line: int) -> list[float]:
+        """A straight line within a place."""
         place = min(line // self._step, self._table.shape[1] - 2)
         begin = place * self._step
         end = min(begin + self._step, self.lines)

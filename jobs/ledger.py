@@ -39,7 +39,10 @@ class Ledger:
 
     def flight(self, id: int) -> Flight | None:
         """The open row of this wire ID."""
-        return next((flight for flight in self.open if flight.entry.wire_id == id), None)
+        for flight in self.open:
+            if flight.entry.wire_id == id:
+                return flight
+        return None
 
     def lines_in_doubt(self) -> tuple[int | None, int | None]:
         """From the first to the last line that may have been executed wholly, partly or not at all."""

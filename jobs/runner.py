@@ -167,13 +167,17 @@ class Runner(ToolSide):
         match event:
             case BatchSent(id=id, attempt=attempt) if flight := self.ledger.flight(id):
                 self.ledger.sent(flight, attempt, at)
+                return []  # it changes nothing of what the job is doing
             case BatchReceived(id=id) if flight := self.ledger.flight(id):
                 self.ledger.received(flight, at)
+                return []
             case BatchDone(id=id, inferred=inferred, position=position) if flight := self.ledger.flight(id):
                 self._done(flight, inferred=inferred, position=position, at=at)
             case BatchFailed() if flight := self.ledger.flight(event.id):
                 self._failed(event, flight, at=at)
-            case StateReported():
+            case StateReported(status=status):
+                if status == self._reported:
+                    return []  # nothing new: a machine says ten times a second that it runs
                 self._state(event)
             case LineRefused() if flight := self.ledger.flight(event.id):
                 self._line_refused(event, flight)
@@ -254,12 +258,14 @@ class Runner(ToolSide):
     @property
     def reading(self) -> bool:
         """It wants to go on, and the lines of the next batch are not read: `feed.source.read()`, then `advance`."""
-        return self._link.up and self._goes_on and not self._behind_barrier and self.feed.reading
+        return self.feed.reading and self._link.up and self._goes_on and not self._behind_barrier
 
     @property
     def _behind_barrier(self) -> bool:
-        """The effect of what is open must be known before anything is planned (elvinto §7, barriers)."""
-        return any(flight.entry.batch.barrier for flight in self.ledger.open)
+        """The effect of what is open must be known before anything is planned (elvinto §7, barriers): so nothing is
+        ever open behind a barrier."""
+        flights = self.ledger.open
+        return bool(flights) and flights[-1].entry.batch.barrier
 
     def _plan(self) -> Ahead | None:
         """One batch ahead, but never past a barrier."""

@@ -121,10 +121,14 @@ class RunState:
     @property
     def has_room(self) -> bool:
         """One more batch may be with the machine."""
-        flights = self.ledger.open
+        flights, blocks = self.ledger.open, self.delivery.least_blocks
         if len(flights) < self.delivery.depth:
             return True
-        return sum(len(flight.entry.batch.blocks) for flight in flights) < self.delivery.least_blocks
+        for flight in flights:
+            blocks -= len(flight.entry.batch.blocks)
+            if blocks <= 0:
+                return False
+        return True
 
     @property
     def _goes_on(self) -> bool:
@@ -212,13 +216,16 @@ class RunState:
         self._effects.extend(effects)
 
     def _drain(self) -> list[Effect]:
-        status = self.status
-        told = (status, self.error, self.tool, self.restarted)
-        if told != self._told and not (status is self.announced and not self._told):
-            _, error, tool, restarted = told
+        told = (self.status, self.error, self.tool, self.restarted)
+        if told != self._told:
+            self._tell(told)
+        effects, self._effects = self._effects, []
+        return effects
+
+    def _tell(self, told: tuple[Status, JobError | None, int | None, bool]) -> None:
+        status, error, tool, restarted = told
+        if self._told or status is not self.announced:
             done = self.ledger.cursor.done
             self._emit(SetStatus(self.announced, status, done, error=error, tool=tool, restarted=restarted))
             self.announced = status
         self._told = told
-        effects, self._effects = self._effects, []
-        return effects

@@ -5,8 +5,9 @@ test can run a day in a second.
 """
 
 from datetime import UTC, datetime
-from functools import lru_cache
 from typing import Protocol
+
+MILLISECONDS = tuple(f".{number:03d}Z" for number in range(1000))
 
 
 def utc_now() -> datetime:
@@ -17,14 +18,29 @@ def utc_now() -> datetime:
 def rfc3339(at: datetime) -> str:
     """A time as api.md writes it: UTC with milliseconds and `Z`."""
     utc = at if at.tzinfo is UTC else at.astimezone(UTC)
-    second = _to_the_second(utc.year, utc.month, utc.day, utc.hour, utc.minute, utc.second)
-    return f"{second}.{utc.microsecond // 1000:03d}Z"
+    return _SECOND.text(utc) + MILLISECONDS[utc.microsecond // 1000]
 
 
-@lru_cache(maxsize=16)
-def _to_the_second(year: int, month: int, day: int, hour: int, minute: int, second: int) -> str:
-    """Kept for the next stamp: mostly it is of the same second, and a machine at work asks for a hundred in one."""
-    return f"{year:04d}-{month:02d}-{day:02d}T{hour:02d}:{minute:02d}:{second:02d}"
+class _Second:
+    """The text of a second, kept for the next stamp: mostly that is of the same one, and a machine at work asks for a
+    hundred in it. Any thread may ask."""
+
+    def __init__(self) -> None:
+        self._kept = self._of(datetime.min.replace(tzinfo=UTC))
+
+    def text(self, utc: datetime) -> str:
+        first, last, text = self._kept
+        if first <= utc <= last:
+            return text
+        kept = self._kept = self._of(utc)
+        return kept[2]
+
+    def _of(self, utc: datetime) -> tuple[datetime, datetime, str]:
+        first = utc.replace(microsecond=0)
+        return first, utc.replace(microsecond=999_999), first.isoformat()[: len("2026-03-01T09:00:00")]
+
+
+_SECOND = _Second()
 
 
 class Clock(Protocol):

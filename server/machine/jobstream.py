@@ -15,7 +15,19 @@ from sqlite_utils import Database
 from gcode.timeline import Timeline
 from jobs import history, journal, store
 from jobs.delivery import STANDING
-from jobs.effects import Effect, Entry, JournalBatch, MarkBatch, Note, RowStatus, SetHold, SetStatus, Submit, ToolAsk
+from jobs.effects import (
+    OF_THE_JOURNAL,
+    Effect,
+    Entry,
+    JournalBatch,
+    MarkBatch,
+    Note,
+    RowStatus,
+    SetHold,
+    SetStatus,
+    Submit,
+    ToolAsk,
+)
 from jobs.experience import Experience
 from jobs.job import ENDED, MOVING, Status
 from jobs.pace import Left, Pace, Reach
@@ -30,6 +42,7 @@ from server.clock import Clock, seconds_since, stamp
 from server.live.hub import Hub
 from server.machine import jobfault
 from server.machine.beginning import Beginning
+from server.machine.together import Together
 from server.machine.turns import Turns
 from server.machine.views import job_view
 from server.metrics import MachineMetrics
@@ -39,8 +52,6 @@ PROGRESS_EVERY_S = 0.25
 ALIVE_EVERY_S = 1.0
 """How often the last sign of life is made durable (elvinto §5.5 measures the break from it)."""
 TROUBLES = frozenset({Status.FAILED, Status.INTERRUPTED})
-
-_Write = tuple[Callable[..., Any], tuple[Any, ...], Callable[[], None] | None]
 
 
 class JobStream:
@@ -76,7 +87,7 @@ class JobStream:
         self._frames = frames
         self._engine: Engine | None = None
         self._todo: deque[Effect] = deque()
-        self._writes: list[_Write] = []
+        self._writes = Together(db)
         self._busy = False
         self._pump: Callable[[], None] = lambda: None
         self._flush: Callable[[], None] = lambda: None
@@ -153,11 +164,13 @@ class JobStream:
         if self._busy:
             return False
         self._busy = True
+        self._writes.hold()
         moved = submitted = False
         try:
             while self._todo or self._advance():
                 effect = self._todo.popleft()
-                moved, submitted = True, submitted or isinstance(effect, Submit)
+                moved = moved or not isinstance(effect, OF_THE_JOURNAL)
+                submitted = submitted or isinstance(effect, Submit)
                 self._perform(effect)
         except Exception as error:  # noqa: BLE001 - the outermost loop of the job: nobody else would ever tell it
             left = [*self._todo, *jobfault.interrupted(self.runner, error)]
@@ -168,7 +181,7 @@ class JobStream:
                     self._perform(effect)
         finally:
             self._busy = False
-        self._write()
+        self._writes.release()
         self._arm()
         if self.runner is not None:
             self._turns.read_for(self.runner)
@@ -257,29 +270,6 @@ class JobStream:
 
     # --- effects ----------------------------------------------------------------------------------------------
 
-    def _post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
-        """Have it written, together with all else that follows from the same event."""
-        if self._busy:
-            self._writes.append((fn, args, then))
-        else:
-            self._db.post(fn, *args, then=then)
-
-    def _write(self) -> None:
-        if not self._writes:
-            return
-        writes, self._writes = self._writes, []
-        thens = [then for _, _, then in writes if then is not None]
-
-        def all_of_them(db: Database) -> None:
-            for fn, args, _ in writes:
-                fn(db, *args)
-
-        def durable() -> None:
-            for then in thens:
-                then()
-
-        self._db.post(all_of_them, then=durable if thens else None)
-
     def _perform(self, effect: Effect) -> None:
         runner = self.runner
         assert runner is not None
@@ -291,12 +281,12 @@ class JobStream:
                 self._engine.submit(command, self._loop.time())
                 self._flush()  # the machine stands still until it has this; the planning of the next can wait
             case MarkBatch():
-                self._post(journal.mark, effect)
+                self._writes.post(journal.mark, effect)
                 self._marked(effect)
             case SetStatus():
                 self._set_status(runner, effect)
             case SetHold(hold=hold):
-                self._post(store.set_hold, runner.job_id, hold)
+                self._writes.post(store.set_hold, runner.job_id, hold)
                 self.note("pause_demanded" if hold else "resumed")
                 self.announce()
             case Note(kind=kind, data=data):
@@ -314,22 +304,23 @@ class JobStream:
 
         if entry.wire_id > self._ids_up_to:
             self._ids_up_to = -(-entry.wire_id // journal.IDS_AT_ONCE) * journal.IDS_AT_ONCE
-            self._post(journal.raise_highest, self.machine, self._ids_up_to)
+            self._writes.post(journal.raise_highest, self.machine, self._ids_up_to)
         at, again = stamp(self._clock), runner.delivery.repeats
-        self._post(journal.journal, self.machine, entry, at, again, then=durable)
+        self._writes.post(journal.journal, self.machine, entry, at, again, then=durable)
 
     def _marked(self, mark: MarkBatch) -> None:
+        now = self._loop.time()
         if mark.status is RowStatus.OK:
             self._metrics.batches += 1
             self._metrics.blocks += len(mark.entry.batch.blocks)
             self._metrics.inferred += mark.inferred
-            self._pace.mark(self._loop.time(), mark.line_done)
-        if self._announcing is None and self._loop.time() - self._progress_at >= PROGRESS_EVERY_S:
+            self._pace.mark(now, mark.line_done)
+        if self._announcing is None and now - self._progress_at >= PROGRESS_EVERY_S:
             self._announcing = self._loop.call_soon(self.announce)
 
     def _set_status(self, runner: Runner, effect: SetStatus) -> None:
         at = stamp(self._clock)
-        self._post(lambda db: store.set_status(db, runner.job_id, effect, at=at))
+        self._writes.post(lambda db: store.set_status(db, runner.job_id, effect, at=at))
         self._change_pace(effect)
         if effect.after in TROUBLES and effect.before is not effect.after:
             self.note("frames", **self._frames())
@@ -368,12 +359,12 @@ class JobStream:
             return
         self._pace.stop()
         if (pace := self._pace_so_far()) is not None:
-            self._post(store.set_pace, *pace)
+            self._writes.post(store.set_pace, *pace)
 
     def note(self, kind: str, *, job: int | None = None, **data: Any) -> None:
         """Write into the history, of `job` or of the one that has this machine."""
         job, at, machine = job or self.active_job, stamp(self._clock), self.machine
-        self._post(lambda db: history.append(db, at=at, kind=kind, data=data, machine=machine, job=job))
+        self._writes.post(lambda db: history.append(db, at=at, kind=kind, data=data, machine=machine, job=job))
 
     def announce(self) -> None:
         """Tell everybody how the job stands."""
