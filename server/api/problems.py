@@ -28,6 +28,18 @@ PROBLEM_KEY = "millstream.problem"
 MAX_ECHO_CHARS = 200
 """A client's own words are shown back to it only this far."""
 
+NEEDED = {
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "bool_type": "true or false",
+    "string_type": "a text",
+    "list_type": "a list",
+    "dict_type": "an object",
+    "model_type": "an object",
+    "model_attributes_type": "an object",
+}
+"""What pydantic asks for, by the type of its error, in the words of JSON."""
+
 WHAT_TO_DO = {
     HTTPStatus.NOT_FOUND: ("not_found", "Nothing is at {path}. All addresses are listed at /docs."),
     HTTPStatus.METHOD_NOT_ALLOWED: ("method_not_allowed", "{path} does not take {method}. See /docs."),
@@ -124,7 +136,27 @@ def invalid_request(errors: Any) -> ProblemError:
     return ProblemError("invalid_request", f"{named}. What is expected is described at /docs.", errors=fields)
 
 
+def _json_type(value: object) -> str:
+    match value:
+        case bool():
+            return "true or false"
+        case str():
+            return "a text"
+        case int():
+            return "a whole number"
+        case float():
+            return "a decimal number"
+        case list():
+            return "a list"
+        case dict():
+            return "an object"
+        case _:
+            return "null"
+
+
 def _sentence(error: Mapping[str, Any]) -> str:
+    if error["type"] in NEEDED and error["loc"] != ("body",):
+        return f"{NEEDED[error['type']]} is needed, not {_json_type(error.get('input'))}"
     if error["type"] == "extra_forbidden":
         return "this field does not exist"
     if error["type"] == "value_error":

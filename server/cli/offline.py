@@ -297,8 +297,8 @@ def _sentence(file: Path, level: str, finding: Finding) -> str:
 def _summary(report: Report) -> str:
     bounds = "  ".join(f"{axis.upper()} {low:.3f} to {high:.3f}" for axis, (low, high) in report.bounds.items())
     counts = ", ".join(
-        f"{sum(one.count for one in found)} {word}"
-        for word, found in (("errors", report.errors), ("warnings", report.warnings))
+        f"{(count := sum(one.count for one in found))} {word}{'' if count == 1 else 's'}"
+        for word, found in (("error", report.errors), ("warning", report.warnings))
     )
     parts = [
         f"{_lines(report)}, {report.blocks} blocks, about {_minutes(report.seconds)} min{_overridden(report)}",

@@ -111,7 +111,7 @@ def test_the_refusal_names_the_field_and_what_it_should_be() -> None:
             problem = answer.json()
             assert (answer.status_code, problem["code"]) == (422, "invalid_request")
             assert problem["errors"] == [
-                {"field": "body.start_line", "message": "Input should be a valid integer"},
+                {"field": "body.start_line", "message": "a whole number is needed, not a text"},
             ]
             assert workshop.jobs.calls == []
 

@@ -88,6 +88,22 @@ def test_json_of_the_wrong_shape_names_the_fields(ask: Ask) -> None:
     assert "this field does not exist" in problem["detail"]
 
 
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ('"3"', "a whole number is needed, not a text"),
+        ("3.5", "a whole number is needed, not a decimal number"),
+        ("true", "a whole number is needed, not true or false"),
+        ("[1]", "a whole number is needed, not a list"),
+        ("{}", "a whole number is needed, not an object"),
+    ],
+)
+def test_a_wrong_type_is_told_in_the_words_of_json(ask: Ask, value: str, said: str) -> None:
+    answer = ask("POST", "/api/v1/jobs/1/move", content=f'{{"position": {value}}}', headers=JSON)
+    body = is_problem(answer, 422, "invalid_request")
+    assert body["errors"] == [{"field": "body.position", "message": said}]
+
+
 def test_json_without_its_content_type_says_what_to_do(ask: Ask) -> None:
     answer = ask("POST", "/api/v1/jobs", content=b'{"program": "x"}', headers={"content-type": "text/plain"})
     assert "Content-Type: application/json" in is_problem(answer, 422, "invalid_request")["detail"]
