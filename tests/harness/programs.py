@@ -17,8 +17,8 @@ CORPUS = Path(__file__).resolve().parents[2].parent / "shared" / "corpus"
 FITTING_FILES = ("gsender_mb31.nc", "ugs_gates_combined.nc", "fluidnc_raster_tree.nc", "camotics_compass.ngc")
 """Files of the corpus that run on an ElVinto machine as they are."""
 
-quick = settings(derandomize=True, deadline=None, max_examples=more(75))
-thorough = settings(derandomize=True, deadline=None, max_examples=more(150))
+quick = settings(derandomize=True, deadline=None, max_examples=more(50))
+thorough = settings(derandomize=True, deadline=None, max_examples=more(100))
 
 # Few values, so that the same coordinate and the same feed come again: that is what compaction lives on.
 COORDINATES = ("0", "10", "10.000", "-5.25", "+3.", ".5", "007", "-0", "2.50")
