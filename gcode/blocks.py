@@ -118,30 +118,31 @@ def blocks_of(columns: Columns, table: CodeTable, *, skip_deleted: bool = False)
     found = Blocks(columns.lines)
     special: list[NDArray[Any]] = [np.array([place for place, _ in columns.faults], np.int64)]
     special += [columns.deleted] if skip_deleted else []
-    counts = np.bincount(letter, minlength=128)
-    for code in np.flatnonzero(counts):
-        if table.is_dropped[code] or table.is_code[code]:
-            continue
-        where = np.flatnonzero(letter == code)
-        rows = row[where]
-        if not table.is_plain[code]:
-            special.append(rows)
-            continue
-        special.append(rows[1:][rows[1:] == rows[:-1]])
-        values, has = np.zeros(columns.lines), np.zeros(columns.lines, np.bool_)
-        values[rows] = value[where]
-        has[rows] = True
-        found.letters[chr(code)] = Letter(values, has)
-    _sort_codes(found, table, row, letter, value, special)
+    # The words of each letter, one after the other, in the order of the rows.
+    order = np.argsort(letter, kind="stable")
+    behind = np.cumsum(np.bincount(letter, minlength=128))
+    codes: list[Ints] = [np.zeros(0, np.int64)]
+    for code in np.flatnonzero(np.diff(behind, prepend=0)):
+        where = order[behind[code - 1] : behind[code]]
+        if table.is_code[code]:
+            codes.append(where)
+        elif not table.is_plain[code]:
+            special += [] if table.is_dropped[code] else [row[where]]
+        else:
+            rows = row[where]
+            special.append(rows[1:][rows[1:] == rows[:-1]])
+            values, has = np.zeros(columns.lines), np.zeros(columns.lines, np.bool_)
+            values[rows] = value[where]
+            has[rows] = True
+            found.letters[chr(code)] = Letter(values, has)
+    where = np.sort(np.concatenate(codes))
+    _sort_codes(found, table, row[where], table.ids(letter[where], value[where]), special)
     found.special = np.unique(np.concatenate(special)).astype(np.int64)
     return found
 
 
-def _sort_codes(
-    found: Blocks, table: CodeTable, row: NDArray[Any], letter: NDArray[Any], value: Floats, special: list[NDArray[Any]]
-) -> None:
-    where = np.flatnonzero(table.is_code[letter])
-    rows, ids = row[where], table.ids(letter[where], value[where])
+def _sort_codes(found: Blocks, table: CodeTable, rows: NDArray[Any], ids: Ints, special: list[NDArray[Any]]) -> None:
+    """What the codes `ids` say that stand in these rows."""
     found.motion = np.zeros(found.count, np.uint8)
     moving = table.motion[ids]
     found.motion[rows[moving > 0]] = moving[moving > 0]

@@ -148,17 +148,15 @@ class Compactor:
         dropped["G"] = one_g & (run.motion > 0) & (before == mode) & run.has_axes
         dropped["F"] = self._unchanged_feed(run)
         unchanged = self._unchanged_axes(run, (mode == RAPID + 1) | (mode == FEED + 1))
-        goes = np.zeros(len(rows), np.bool_)
-        for letter, where in (dropped | unchanged).items():
-            if where.any():
-                goes |= (letters == ord(letter)) & where[rows]
+        goes = _words_of(dropped | unchanged, rows, letters)
         _keep_one_axis(run, unchanged, rows, letters, goes)
         stays = ~table.is_dropped[letters]
         kept: Bools = stays & ~goes
-        # A block that changes nothing stays a block.
-        nothing = np.bincount(rows[kept], minlength=run.count) == 0
-        whole: Bools = kept | (stays & nothing[rows])
-        return whole
+        if not run.has_axes.all():
+            # A block that changes nothing stays a block.
+            nothing = np.bincount(rows[kept], minlength=run.count) == 0
+            kept |= stays & nothing[rows]
+        return kept
 
     def first_distance(self, blocks: Blocks, table: CodeTable, begin: int, end: int) -> int:
         """The first row that `kept` must leave to `compact`: it says G90 or G91, and none has before."""
@@ -224,6 +222,17 @@ class _Run:
         for words in axes.values():
             has_axes |= words.has
         return cls(end - begin, blocks.motion[begin:end], blocks.part("F", begin, end), axes, has_axes)
+
+
+def _words_of(letters_of_rows: dict[str, Bools], rows: Ints, letters: NDArray[np.uint8]) -> Bools:
+    """The words of these letters in these rows: each letter is a bit."""
+    bits = np.zeros(len(next(iter(letters_of_rows.values()))), np.uint16)
+    bit_of = np.zeros(128, np.uint16)
+    for number, (letter, where) in enumerate(letters_of_rows.items()):
+        bit_of[ord(letter)] = 1 << number
+        bits |= where * bit_of[ord(letter)]
+    found: Bools = (bits[rows] & bit_of[letters]) != 0
+    return found
 
 
 def _keep_one_axis(run: _Run, unchanged: dict[str, Bools], rows: Ints, letters: NDArray[np.uint8], goes: Bools) -> None:

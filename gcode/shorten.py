@@ -1,7 +1,7 @@
 """Words of many lines to the bytes that go out, all at once: `gcode.clean` and `gcode.compact` for columns.
 
 Not the choice of words; the caller makes it. The one rule: each number is what `gcode.words.shortest` writes. Nothing
-is copied word by word: what is not sent becomes a blank in a copy of the text, and all blanks go at once.
+is copied word by word: what is not sent becomes a blank or a zero byte in a copy of the text, and these go at once.
 """
 
 import numpy as np
@@ -30,11 +30,11 @@ def texts(columns: Columns, kept: Bools, *, shorten: bool = True) -> tuple[list[
     if shorten or not kept.all():
         data = np.frombuffer(text, np.uint8).copy()
         left = np.flatnonzero(~kept)
-        _blank(data, columns.start[left] - np.int32(1), columns.end[left])
+        _clear(data, columns.start[left] - np.int32(1), columns.end[left])
         if shorten:
             words = np.flatnonzero(kept)
             _shorten(data, columns.start[words], columns.end[words], columns.value[words] == 0)
-        text = data.tobytes().translate(None, b" ")
+        text = data.tobytes().translate(None, b" \0")
     # Behind the last line end are the words of the unusual rows.
     text = text[PAD_BYTES - 1 : text.rfind(b"\n") + 1]
     sizes = np.diff(np.flatnonzero(np.frombuffer(text, np.uint8) == _LF)) - 1
@@ -44,12 +44,13 @@ def texts(columns: Columns, kept: Bools, *, shorten: bool = True) -> tuple[list[
     return rows, sizes
 
 
-def _blank(data: Bytes, start: Ints, end: Ints) -> None:
-    """Blanks out the ranges from `start` to `end`."""
-    lengths = end - start
-    behind = np.cumsum(lengths, dtype=np.int32)
-    if len(behind):
-        data[np.repeat(end - behind, lengths) + np.arange(behind[-1], dtype=np.int32)] = _BLANK
+def _clear(data: Bytes, start: Ints, end: Ints) -> None:
+    """Makes zero bytes of the ranges from `start` to `end`, of which none overlap."""
+    inside = np.zeros(len(data) + 1, np.int8)
+    inside[start] += np.int8(1)
+    inside[end] -= np.int8(1)
+    np.cumsum(inside, dtype=np.int8, out=inside)
+    data &= (inside[:-1] - np.int8(1)).view(np.uint8)
 
 
 def _shorten(data: Bytes, start: Ints, end: Ints, is_zero: Bools) -> None:
@@ -57,7 +58,7 @@ def _shorten(data: Bytes, start: Ints, end: Ints, is_zero: Bools) -> None:
     if len(zeros):
         # One digit remains of a zero, without sign and point: the last character, or that before the point.
         digit = end[zeros] - 1 - (data[end[zeros] - 1] == _POINT)
-        _blank(data, start[zeros], end[zeros])
+        _clear(data, start[zeros], end[zeros])
         data[digit] = _ZERO
         others = np.flatnonzero(~is_zero)
         start, end = start[others], end[others]

@@ -193,6 +193,7 @@ class BatchPlanner:
 
     def _begin(self, reader: Reader, limits: BatchLimits) -> None:
         self._reader = reader
+        self._axes = reader.state.axes.lower()
         self._limits = limits
         self._ahead = Ahead()
         self._fitting = 0
@@ -321,7 +322,7 @@ class BatchPlanner:
             first_line=int(blocks.lines[begin]),
             last_line=int(blocks.lines[end - 1]),
             blocks=tuple(blocks.texts[begin:end]),
-            seconds=sum(blocks.seconds[begin:end]),
+            seconds=sum(blocks.seconds[begin:end].tolist()),
             start=starts_at,
             end=ends_at,
             barrier=False,
@@ -332,7 +333,7 @@ class BatchPlanner:
             lines=lines,
             parts=tuple(parts) if any(parts) else (),
             io=tuple([word for place in range(begin, end) for word in blocks.io.get(place, ())]) if blocks.io else (),
-            reach_mm=tuple(blocks.reach_mm[begin:end]),
+            reach_mm=tuple(blocks.reach_mm[begin:end].tolist()),
         )
 
     def _emit_alone(self, block: Upcoming) -> PlannedBatch:
@@ -369,8 +370,7 @@ class BatchPlanner:
         return start, self._start
 
     def _position(self, place: Place) -> Position:
-        axes = self._reader.state.axes.lower()
-        return {axis: value for axis, value in zip(axes, place, strict=True) if not isnan(value)}
+        return {axis: value for axis, value in zip(self._axes, place, strict=True) if not isnan(value)}
 
 
 def _differs(one: Place, other: Place, apart_mm: float) -> bool:

@@ -8,7 +8,6 @@ is the last of its stretch, and in no column.
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate
 from typing import Self
 
 import numpy as np
@@ -20,6 +19,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 IoWords = tuple[tuple[str, int], ...]
 """Words for a tool changer in their order, as ("T", 3), ("M", 8)."""
+SURELY = 0.999
+"""Of a bound: the seconds of a batch, as the difference of two sums, are exact to far more digits."""
 
 
 @dataclass(slots=True)
@@ -55,11 +56,11 @@ class Stretch:
     lines: Ints
     texts: list[str]
     sizes: Ints
-    seconds: list[float]
-    cost_s: list[float]
+    seconds: Floats
+    cost_s: Floats
     moves: bytes
     ends: Floats
-    reach_mm: list[float]
+    reach_mm: Floats
     parts: Mapping[int, int] = field(default_factory=dict)
     io: Mapping[int, IoWords] = field(default_factory=dict)
     alone: Upcoming | None = None
@@ -71,11 +72,11 @@ class Stretch:
             lines=np.array([block.line for block in blocks], np.int64),
             texts=[block.text for block in blocks],
             sizes=np.array([len(block.text) for block in blocks], np.int64),
-            seconds=[block.seconds for block in blocks],
-            cost_s=[block.cost_s for block in blocks],
+            seconds=np.array([block.seconds for block in blocks], np.float64),
+            cost_s=np.array([block.cost_s for block in blocks], np.float64),
             moves=bytes([block.moves for block in blocks]),
             ends=np.array([block.end for block in blocks], np.float64).reshape(len(blocks), -1 if blocks else 0),
-            reach_mm=[block.reach_mm for block in blocks],
+            reach_mm=np.array([block.reach_mm for block in blocks], np.float64),
             parts={place: block.part for place, block in enumerate(blocks) if block.part},
             io={place: block.io for place, block in enumerate(blocks) if block.io},
             alone=alone,
@@ -86,11 +87,11 @@ class Stretch:
         return Upcoming(
             line=int(self.lines[place]),
             text=self.texts[place],
-            seconds=self.seconds[place],
-            cost_s=self.cost_s[place],
+            seconds=float(self.seconds[place]),
+            cost_s=float(self.cost_s[place]),
             moves=bool(self.moves[place]),
             end=self.end(place),
-            reach_mm=self.reach_mm[place],
+            reach_mm=float(self.reach_mm[place]),
             part=self.parts.get(place, 0),
             io=self.io.get(place, ()),
         )
@@ -126,11 +127,11 @@ class Stretch:
             np.concatenate((self.lines, others.lines)),
             self.texts + others.texts,
             np.concatenate((self.sizes, others.sizes)),
-            self.seconds + others.seconds,
-            self.cost_s + others.cost_s,
+            np.concatenate((self.seconds, others.seconds)),
+            np.concatenate((self.cost_s, others.cost_s)),
             self.moves + others.moves,
             np.concatenate((self.ends, others.ends)),
-            self.reach_mm + others.reach_mm,
+            np.concatenate((self.reach_mm, others.reach_mm)),
             {**self.parts, **{count + place: part for place, part in others.parts.items()}},
             {**self.io, **{count + place: words for place, words in others.io.items()}},
             others.alone,
@@ -140,12 +141,13 @@ class Stretch:
 class Ahead:
     """The blocks that are in no batch yet: those of `blocks` from place `at` on, and the one that travels alone."""
 
-    __slots__ = ("_leaps", "_upto_bytes", "at", "blocks")
+    __slots__ = ("_leaps", "_upto_bytes", "_upto_s", "at", "blocks")
 
     def __init__(self) -> None:
         self.blocks = Stretch.of(())
         self.at = 0
-        self._upto_bytes = [0]
+        self._upto_bytes = np.zeros(1, np.int64)
+        self._upto_s = np.zeros(1)
         self._leaps: list[int] = []
 
     @property
@@ -158,22 +160,26 @@ class Ahead:
         self.blocks = self.blocks.since(self.at).then(others)
         self.at = 0
         # Each with a separator, as between two of a batch.
-        self._upto_bytes = [0, *np.cumsum(self.blocks.sizes + 1).tolist()]
+        self._upto_bytes = np.concatenate(([0], np.cumsum(self.blocks.sizes + 1)))
+        self._upto_s = np.concatenate(([0.0], np.cumsum(self.blocks.cost_s)))
         self._leaps = (np.flatnonzero(np.diff(self.blocks.lines) != 1) + 1).tolist()
 
     def fitting(self, most_blocks: int, most_bytes: int, most_s: float) -> int:
         """How many fit into one batch. One motion alone may be too long: it cannot be divided."""
-        at, upto = self.at, self._upto_bytes
-        stop = bisect_right(upto, upto[at] + most_bytes + 1, at, min(at + most_blocks + 1, len(upto))) - 1
-        costs_s = self.blocks.cost_s[at:stop]
-        if sum(costs_s) <= most_s:
+        at, upto_bytes, upto_s = self.at, self._upto_bytes, self._upto_s
+        stop = min(at + most_blocks, len(self.blocks.texts))
+        most_bytes += upto_bytes.item(at) + 1
+        if upto_bytes.item(stop) > most_bytes:
+            stop = int(upto_bytes.searchsorted(most_bytes, "right")) - 1
+        if upto_s.item(stop) - upto_s.item(at) < SURELY * most_s:
             return stop - at
-        upto_s = [*accumulate(costs_s)]
-        count = bisect_right(upto_s, most_s)
-        if count and upto_s[count - 1] > 0.0:
+        sums_s = self.blocks.cost_s[at:stop].cumsum()
+        count = int(sums_s.searchsorted(most_s, "right"))
+        if count == stop - at or (count and sums_s[count - 1] > 0.0):
             return count
         # The first that takes any time is too long; what takes none goes with it.
-        return next((place for place in range(count + 1, len(costs_s)) if costs_s[place] > 0.0), len(costs_s))
+        timed = np.flatnonzero(self.blocks.cost_s[at + count + 1 : stop])
+        return count + 1 + int(timed[0]) if len(timed) else stop - at
 
     def up_to_motion(self, count: int) -> int:
         """So many of the next blocks as there are up to the last one of them that moves; 0: none moves."""

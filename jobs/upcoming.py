@@ -227,7 +227,7 @@ class BlockReader:
             most = f"the block has {sizes[row]} bytes, the machine takes {self._rules.max_block_bytes}"
             raise PlanError(int(piece.lines[begin + row]), most)
         rows = segments.line - begin
-        seconds = np.bincount(rows, weights=plan(segments, self._rules.motion), minlength=count)
+        seconds = np.bincount(rows, weights=plan(segments, self._rules.motion), minlength=count).astype(np.float64)
         uncertain = np.bincount(rows, weights=ways.is_uncertain(segments, piece.blocks), minlength=count) > 0
         # What is no number counts nothing.
         cost_s = np.where(uncertain, inf, np.fmax(seconds, 0.0))
@@ -235,13 +235,13 @@ class BlockReader:
         sent = np.flatnonzero(sizes)
         return Stretch(
             lines=piece.lines[begin:end][sent],
-            texts=[*filter(None, written)],
+            texts=written if len(sent) == count else [*filter(None, written)],
             sizes=sizes[sent],
-            seconds=seconds[sent].tolist(),
-            cost_s=cost_s[sent].tolist(),
+            seconds=seconds[sent],
+            cost_s=cost_s[sent],
             moves=moves[sent].tobytes(),
-            ends=ways.places(segments, begin, count, self.place)[sent],
-            reach_mm=ways.reaches_mm(segments, rows, count)[sent].tolist(),
+            ends=ways.places(segments, rows, sent, self.place),
+            reach_mm=ways.reaches_mm(segments, rows, count)[sent],
             io={
                 int(np.searchsorted(sent, row - begin)): words
                 for row, words in piece.io.items()

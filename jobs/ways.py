@@ -32,13 +32,15 @@ def reaches_mm(segments: Segments, rows: Ints, count: int) -> Floats:
     return found
 
 
-def places(segments: Segments, begin: int, count: int, behind: tuple[float, ...]) -> Floats:
-    """Program coordinates behind each of `count` rows from `begin`, (rows, axes); `behind` all of them.
+def places(segments: Segments, rows: Ints, wanted: Ints, behind: tuple[float, ...]) -> Floats:
+    """Program coordinates behind each of the `wanted` rows, (rows, axes); `behind` the last row of all.
 
     Where the next segment starts, and not where the one before ended: a cycle may leave the tool somewhere else.
     """
-    frames: Floats = np.array(segments.frames, np.float64).reshape(-1, len(segments.axes))[segments.frame]
-    starts = np.concatenate((segments.start.T - frames, [behind]))
-    following = np.searchsorted(segments.line, np.arange(begin, begin + count), side="right")
-    found: Floats = starts[following]
+    frames: Floats = np.array(segments.frames, np.float64).reshape(-1, len(segments.axes))
+    # Most programs stay in one frame.
+    offsets = frames if len(frames) == 1 else frames[segments.frame]
+    starts = np.concatenate((segments.start.T - offsets, [behind]))
+    upto = np.cumsum(np.bincount(rows, minlength=int(wanted[-1]) + 1 if len(wanted) else 0))
+    found: Floats = starts[upto[wanted]]
     return found
