@@ -359,6 +359,6 @@ def _done(answer: Answer) -> Answer:
     """The answer, if the command was done. Raises ProblemError."""
     end = answer.end
     if isinstance(end, CommandFailed):
-        number = "" if end.code is None else f" (code {end.code})"
+        number = "" if end.code is None or str(end.code) in end.message else f" (code {end.code})"
         raise ProblemError("command_failed", f"The machine refused it{number}: {end.message}")
     return answer

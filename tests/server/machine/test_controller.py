@@ -236,3 +236,14 @@ def test_an_emergency_stop_that_was_not_heard_is_the_first_word_of_the_next_conn
         await shop.stop()
 
     run_simulated(main())
+
+
+def test_what_the_machine_refuses_is_told_with_its_number_once(tmp_path: Path) -> None:
+    async def main() -> None:
+        shop = await Bench(tmp_path).connected()
+        with pytest.raises(ProblemError) as refused:
+            await shop.machines[MACHINE].run_file("no-such.nc")
+        assert (refused.value.code, refused.value.detail.count("8")) == ("command_failed", 1)
+        await shop.stop()
+
+    run_simulated(main())
