@@ -82,8 +82,6 @@ class GrblEngine(Watching):
     def __init__(self, dialect: Dialect, *, first_id: int, now: float, open_work: OpenWork | None = None) -> None:
         super().__init__(dialect, first_id, now, open_work)
         self._decoder = Decoder()
-        self._quiet = False  # all that may go out has been taken
-        self._news = True
         self._silences: dict[Phase, Callable[[float], None]] = {
             Phase.OPENING: self._ask,
             Phase.ASKING: self._on_nobody,
@@ -112,11 +110,11 @@ class GrblEngine(Watching):
         """Any bytes, in any pieces; never raises."""
         self._quiet = False
         if data == OK_LINE and self._decoder.between_lines and self._plain_ok(now):  # nearly all that is ever said
-            self._news = now - self._seen[0][0] >= TELL_WITHIN_S
-            if self._news:
+            self.news = now - self._seen[0][0] >= TELL_WITHIN_S
+            if self.news:
                 self._settle(self._executed.behind(self._planner_blocks))
             return
-        self._news = True
+        self.news = True
         self._settle(self._executed.behind(self._planner_blocks))  # by what was known up to here
         for heard in self._decoder.receive_data(data):
             if self._phase is Phase.CLOSED:
@@ -151,19 +149,6 @@ class GrblEngine(Watching):
         if handler is not None:
             handler(message, now)
 
-    def data_to_send(self, now: float) -> bytes:
-        """What is to go out now: the real-time lane, then lines as the window has room. Everything is taken at once:
-        there is no more before something comes in, is submitted, or is due."""
-        if self._quiet or self._phase is CLOSED:
-            return b""
-        self._quiet = True
-        return self._plain_lines(now)
-
-    @property
-    def news(self) -> bool:
-        """Whether anybody has to be told."""
-        return self._news or bool(self._events)
-
     def next_event(self) -> Event | None:
         """What happened, oldest first; what was said before what follows from it."""
         if self._seen:
@@ -183,7 +168,7 @@ class GrblEngine(Watching):
 
     def handle_timer(self, now: float) -> None:
         """A deadline has come; calling early does nothing."""
-        self._quiet, self._news = False, True
+        self._quiet, self.news = False, True
         if STEPS[self._phase].polls and now >= self._poll.next_at:
             self._watch_silence(now)
             self._lane.put(realtime.STATUS)

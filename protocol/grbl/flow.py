@@ -9,7 +9,7 @@ from math import inf
 from typing import Final
 
 from protocol.events import Status
-from protocol.grbl.phases import READY
+from protocol.grbl.phases import CLOSED, READY
 from protocol.grbl.traffic import Traffic
 
 FLOWING: Final[frozenset[Status | None]] = frozenset({"run", "idle"})
@@ -17,7 +17,7 @@ FLOWING: Final[frozenset[Status | None]] = frozenset({"run", "idle"})
 
 
 class Flow(Traffic):
-    """The short way through `Traffic`."""
+    """The short way through `Traffic`, and the verb that nearly always goes it."""
 
     def _plain_ok(self, now: float) -> bool:
         """`_answered` for the ok of a plain line of a batch that is not its last one; what it proves is told when
@@ -38,9 +38,15 @@ class Flow(Traffic):
         self._seen.append((now, "<", "ok"))
         return True
 
-    def _plain_lines(self, now: float) -> bytes:
-        """`_write` for what goes out behind such an ok: of the batch that went last the next lines, as long as they are
-        plain and there is room. Every gate is looked at, and where more is to be done the long way does it."""
+    def data_to_send(self, now: float) -> bytes:
+        """What is to go out now: the real-time lane, then lines as the window has room. Everything is taken at once:
+        there is no more before something comes in, is submitted, or is due.
+
+        In one piece: of the batch that went last the next lines, as long as they are plain and there is room. Every
+        gate is looked at, and where more is to be done `_write` does it."""
+        if self._quiet:
+            return b""
+        self._quiet = True
         window = self._window
         entries = window.entries
         if (
@@ -57,7 +63,7 @@ class Flow(Traffic):
             or self._card.running
             or window.one_by_one
         ):
-            return self._write(now)
+            return b"" if self._phase is CLOSED else self._write(now)
         errand, _, line = entries[-1]
         if not line.plain or errand.failed:
             return self._write(now)
@@ -72,5 +78,5 @@ class Flow(Traffic):
             index += 1
             errand.sent, window.used_bytes = index, used
             self._seen.append((now, ">", line.text))
-            out += data
+            out = out + data if out else data
         return out + self._write(now)

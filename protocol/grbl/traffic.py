@@ -86,6 +86,8 @@ class Traffic(ABC):
         self._phase = Phase.CLOSED
         self._next_id = first_id
         self._events: deque[Event] = deque()
+        self.news = True
+        self._quiet = False  # all that may go out has been taken
         self._seen: list[Seen] = []  # for the console, not handed over yet
         self._recorded: deque[Seen] = deque(maxlen=RECORDED_MESSAGES)  # what was, and what no console shows
         self._due: dict[str, float] = {}
@@ -128,6 +130,7 @@ class Traffic(ABC):
 
     def _emit(self, event: Event) -> None:
         self._events.append(event)
+        self.news = True
 
     @property
     def _executed(self) -> Executed:
