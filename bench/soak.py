@@ -9,8 +9,8 @@ each job (soakmachines.py); a soak that loses a line has not passed.
 import logging
 import multiprocessing
 import os
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from statistics import median
 
@@ -42,7 +42,8 @@ three percent: what a job leaves is all that is judged then."""
 SQLITE_KB = 2560
 """Its cache of pages (2000 KiB, its default) and what else it needs; where everything is kept the cache fills."""
 KEEPINGS = {"as [history] says": SOME, "everything is kept": ALL}
-YEARS = (*((name, "as [history] says") for name in MILLS), ("elvinto", "everything is kept"))
+YEARS = {name: (name, "as [history] says") for name in MILLS} | {"kept": ("elvinto", "everything is kept")}
+PARTS = tuple(YEARS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +110,13 @@ def one_year(name: str, keeping: str, days: int, jobs_a_day: int) -> Lived:
     logging.disable(logging.WARNING)  # of two tablets that take the control from each other, each time
     keep = KEEPINGS[keeping]
     told = f"{name}, {keeping}"
-    samples, year = lived(
-        name, keep, days=days, jobs_a_day=jobs_a_day, told=lambda sample: print(f"  {told}: {sample}", flush=True)
-    )
+    try:
+        samples, year = lived(
+            name, keep, days=days, jobs_a_day=jobs_a_day, told=lambda sample: print(f"  {told}: {sample}", flush=True)
+        )
+    except AssertionError as error:  # before the other years have come to their end
+        print(f"  {told}: BROKEN OFF: {error}", flush=True)
+        raise
     heading = (
         f"{told}: {days} days, {year.jobs} jobs, {year.breaks} pulled plugs, {year.kills} killed daemons, "
         f"{year.restarts} restarts, {year.estops} e-stops, {year.people.asked} requests; {year.mill.taken_up} jobs "
@@ -120,10 +125,30 @@ def one_year(name: str, keeping: str, days: int, jobs_a_day: int) -> Lived:
     return Lived(heading, tuple(samples), keep)
 
 
-def run(*, days: int = 12 * MONTH_DAYS, jobs_a_day: int = 2) -> Report:
-    """All years, as many at once as there are processors."""
+def run(
+    only: Collection[str] = (),
+    say: Callable[[object], None] = print,
+    *,
+    days: int = 12 * MONTH_DAYS,
+    jobs_a_day: int = 2,
+) -> Report:
+    """All years, or `only` some of PARTS, as many at once as there are processors; each is told when it is over.
+
+    Raises AssertionError when all are, if a job of any did not come out as it had to.
+    """
     context = multiprocessing.get_context("spawn")
+    years = [year for part, year in YEARS.items() if not only or part in only]
+    groups: list[tuple[str, tuple[Figure, ...]]] = []
+    broken_off: list[AssertionError] = []
     with ProcessPoolExecutor(os.cpu_count(), mp_context=context, max_tasks_per_child=1) as pool:
-        futures = [pool.submit(one_year, name, keeping, days, jobs_a_day) for name, keeping in YEARS]
-        years = [future.result() for future in futures]
-    return Report.of(TITLE, [(one.heading, tuple(growth(one.samples, one.keep))) for one in years])
+        for future in as_completed([pool.submit(one_year, *year, days, jobs_a_day) for year in years]):
+            try:
+                one = future.result()
+            except AssertionError as error:
+                broken_off.append(error)
+                continue
+            groups.append((one.heading, tuple(growth(one.samples, one.keep))))
+            say(Report.of(TITLE, groups[-1:]))
+    if broken_off:
+        raise broken_off[0]
+    return Report.of(TITLE, groups)
