@@ -27,7 +27,7 @@ class Assumed:
 
     def read(self, columns: Columns, blocks: Blocks, before: State, certain: Segments, after: State) -> Segments:
         """The motion of a piece: `certain`, where that leaves nothing open. `before` and `after` are its states."""
-        if not (self._has_strayed(before) or _is_open(certain, blocks)):
+        if not (self._has_strayed(before) or _is_open(certain, blocks, before, after)):
             self._place = after.assumed(self._place).position
             return certain
         reading = Reading(
@@ -47,11 +47,15 @@ class Assumed:
         return any(isnan(known) and at != zero for known, at, zero in strayed)
 
 
-def _is_open(segments: Segments, blocks: Blocks) -> bool:
-    """Whether a coordinate is unknown that this piece names, or that becomes known or unknown in it."""
+def _is_open(segments: Segments, blocks: Blocks, before: State, after: State) -> bool:
+    """Whether a coordinate is unknown that this piece names, or that becomes known or unknown in it: by a way, or by
+    another coordinate system before the first or behind the last one (G55, which names no axis)."""
     lost_start, lost_end = np.isnan(segments.start), np.isnan(segments.end)
     for row, axis in enumerate(segments.axes):
         lost = lost_start[row].any() or lost_end[row].any()
+        known = not isnan(before.position[row])
+        if known and (lost or isnan(after.position[row])):
+            return True
         if lost and (axis in blocks.letters or not (lost_start[row] & lost_end[row]).all()):
             return True
     return False

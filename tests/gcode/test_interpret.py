@@ -54,7 +54,9 @@ def assert_same(one: Segments, other: Segments) -> None:
 
 
 def comparable(state: State) -> list[object]:
-    return [repr(getattr(state, field.name)) for field in fields(state)]
+    values = {field.name: getattr(state, field.name) for field in fields(state)}
+    values["position"] = [at + 0.0 for at in state.position]  # -0.0 is 0.0
+    return [repr(value) for value in values.values()]
 
 
 coordinates = st.sampled_from(("0", "1", "10", "-5.25", "+3.", ".5", "12.345"))

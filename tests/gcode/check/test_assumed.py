@@ -53,6 +53,21 @@ def test_home_is_where_a_new_controller_has_it() -> None:
     assert report.cut_mm == pytest.approx(20.0)
 
 
+@pytest.mark.parametrize(
+    ("pieces_of_it", "length_mm"),
+    [((b"G0 X10\n", b"G55\nG28\n"), 20.0), ((b"G0 X10\n", b"G0 X30\nG55\n", b"G0 X0\n"), 60.0)],
+)
+def test_another_coordinate_system_forgets_no_place(pieces_of_it: tuple[bytes, ...], length_mm: float) -> None:
+    """It names no axis, and the place was known until then: in the piece before, or in the same one."""
+    profile = load_profile("grbl-1.1")
+    checker, line = Checker(profile, Motion(), {}), 1
+    for text in pieces_of_it:
+        columns = read_columns(text, line)
+        checker.look(columns)
+        line += columns.lines
+    assert checker.report().rapid_mm == pytest.approx(length_mm)
+
+
 lines_of_grbl = st.one_of(move_blocks, move_blocks, arc_blocks, st.sampled_from(("G28", "G28 Z0", "G54", "G55", "G91")))
 
 
