@@ -35,11 +35,17 @@ row go is of no use any more: it says when they are done."""
 IDS_AT_ONCE = 1000
 """The highest ID is raised in such steps: it is a page of its own in the transaction."""
 
+# These are handed exact str, int and float, and None where that is rare: for all else, None, a bool or a StrEnum too,
+# sqlite3 looks for an adapter, which takes longer than the rest that it does with the value.
 INSERT = """
 insert into batches (job, seq, machine, wire_id, line_from, line_to, blocks, seconds, "end", part, body, status,
                      attempts, inferred, planned_at)
-values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, 'planned', 0, 0, ?)
+values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, nullif(?, ''), 'planned', 0, 0, ?)
 on conflict (job, seq) do update set wire_id = excluded.wire_id, planned_at = excluded.planned_at, status = 'planned'
+"""
+MARK_AS_PLANNED = """
+update batches set status = 'ok', attempts = ?, inferred = ?, sent_at = ?, received_at = ?, ok_at = ?, body = null
+where job = ? and seq = ? and wire_id = ?
 """
 MARK = """
 update batches set status = ?, attempts = ?, inferred = ?, sent_at = ?, received_at = ?, ok_at = ?,
@@ -86,7 +92,7 @@ def journal(db: Database, machine: str, entry: Entry, at: str, again: bool = Tru
         batch.seconds,
         json.dumps(dict(batch.end)),
         batch.part,
-        _body(batch) if again else None,
+        _body(batch) if again else "",
         at,
     )
     db.conn.execute(INSERT, values)
@@ -99,25 +105,18 @@ def raise_highest(db: Database, machine: str, wire_id: int) -> None:
 
 def mark(db: Database, effect: MarkBatch) -> None:
     """Write the end of a row and how far its job is."""
-    entry, done = effect.entry, effect.status is RowStatus.OK
+    entry, done, cut = effect.entry, effect.status is RowStatus.OK, effect.cut
+    key = (entry.job_id, entry.seq, entry.wire_id)
+    times = (effect.attempts, int(effect.inferred), effect.sent_at, effect.received_at, effect.ok_at)
     planned = effect.end is None or effect.end == entry.batch.end  # stands in the row already
-    values = (
-        effect.status,
-        effect.attempts,
-        effect.inferred,
-        effect.sent_at,
-        effect.received_at,
-        effect.ok_at,
-        None if planned else json.dumps(dict(effect.end or {})),
-        done,
-        entry.job_id,
-        entry.seq,
-        entry.wire_id,
-    )
-    if db.conn.execute(MARK, values).rowcount != 1:
+    if done and planned:
+        changed = db.conn.execute(MARK_AS_PLANNED, (*times, *key))
+    else:
+        end = None if planned else json.dumps(dict(effect.end or {}))
+        changed = db.conn.execute(MARK, (effect.status, *times, end, done, *key))
+    if changed.rowcount != 1:
         raise LocalError(f"no row {entry.seq} of job {entry.job_id} under ID {entry.wire_id} to mark")
-    if (cut := effect.cut) is not None:
-        key = (entry.job_id, entry.seq, entry.wire_id)
+    if cut is not None:
         db.conn.execute(CUT, (cut.last_line, len(cut.blocks), cut.seconds, cut.part, *key))
     db.conn.execute("update jobs set line_done = ? where id = ?", (effect.line_done, entry.job_id))
 

@@ -54,7 +54,7 @@ class WallClock:
     """The computer's clock."""
 
     def now(self) -> datetime:
-        return utc_now()
+        return datetime.now(UTC)
 
 
 def stamp(clock: Clock) -> str:

@@ -48,7 +48,9 @@ from server.machine.views import job_view
 from server.metrics import MachineMetrics
 
 PROGRESS_EVERY_S = 0.25
-"""Progress is announced at most this often; changes of status always."""
+PROGRESS_UNSEEN_S = 1.0
+"""Progress is announced at most this often; changes of status always. The second is for those who come back and ask
+what they have missed, while nobody is there."""
 ALIVE_EVERY_S = 1.0
 """How often the last sign of life is made durable (elvinto §5.5 measures the break from it)."""
 TROUBLES = frozenset({Status.FAILED, Status.INTERRUPTED})
@@ -315,7 +317,8 @@ class JobStream:
             self._metrics.blocks += len(mark.entry.batch.blocks)
             self._metrics.inferred += mark.inferred
             self._pace.mark(now, mark.line_done)
-        if self._announcing is None and now - self._progress_at >= PROGRESS_EVERY_S:
+        every_s = PROGRESS_EVERY_S if self._hub.readers else PROGRESS_UNSEEN_S
+        if self._announcing is None and now - self._progress_at >= every_s:
             self._announcing = self._loop.call_soon(self.announce)
 
     def _set_status(self, runner: Runner, effect: SetStatus) -> None:

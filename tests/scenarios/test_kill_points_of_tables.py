@@ -21,7 +21,7 @@ from jobs import backups, history, holds, journal, retention, seals, store, tool
 from jobs.effects import Entry, MarkBatch, RowStatus, SetStatus
 from jobs.job import Status
 from jobs.seals import Digest
-from server.access import audit, tokens
+from server.access import audit, endedtokens, tokens
 from server.background.dbthread import in_transaction, opened, plainly
 from server.store import restoring
 from server.store.archive import Manifest
@@ -36,6 +36,7 @@ LATER = "2027-01-01T00:00:00.000Z"
 STORED = [backups.Stored({110: str(rate)}) for rate in (500, 600, 700, 800)]
 ROW = Entry(1, 1, 1004, batch(1))
 LONG_ROW = Entry(1, 2, 1005, batch(2))
+UNSENT_ROW = Entry(1, 4, 1007, batch(4))
 WAITED, RAN = 2, 1
 """Numbers of the jobs: one is cancelled while it waits, one is run."""
 
@@ -68,8 +69,10 @@ def of_the_token(db: Database, change: Callable[..., Any]) -> None:
 
 def restored(db: Database) -> None:
     """What a restore writes, in its own words."""
-    restoring._lay_down(db, Manifest("1", AT, (), ()), AT)
-    db.execute("update tokens set revoked_at = coalesce(revoked_at, ?) where id = ?", [AT, "x"])
+    manifest = Manifest("1", AT, (), ())
+    restoring._lay_down(db, manifest, AT)
+    restoring._revoke(db, manifest, AT, restoring._Replaced({}, AT))
+    db.execute("update tokens set revoked_at = ? where id = ?", [AT, "x"])
 
 
 STEPS: dict[str, Step] = {
@@ -87,8 +90,12 @@ STEPS: dict[str, Step] = {
     "room for its ID": lambda db: journal.raise_highest(db, "router", 2000),
     "a row": lambda db: journal.journal(db, "router", ROW, AT),
     "its end": lambda db: journal.mark(db, MarkBatch(ROW, RowStatus.OK, 1, attempts=1)),
+    "a row that never goes out": lambda db: journal.journal(db, "router", UNSENT_ROW, AT),
+    "its end, too": lambda db: journal.mark(db, MarkBatch(UNSENT_ROW, RowStatus.UNSENT, 1)),
     "a row that is cut": lambda db: journal.journal(db, "router", LONG_ROW, AT),
-    "its cut": lambda db: journal.mark(db, MarkBatch(LONG_ROW, RowStatus.OK, 2, attempts=1, cut=batch(2))),
+    "its cut": lambda db: journal.mark(
+        db, MarkBatch(LONG_ROW, RowStatus.OK, 2, attempts=1, end={"x": 9.0}, cut=batch(2))
+    ),
     "a sign of life": lambda db: journal.alive(db, "router", AT),
     "the pace": lambda db: store.set_pace(db, RAN, 1.0, 2.0),
     "a row that stays open": lambda db: journal.journal(db, "router", Entry(1, 3, 1006, batch(3)), AT),
@@ -106,6 +113,7 @@ STEPS: dict[str, Step] = {
     "a token": lambda db: tokens.create_token(db, "screen", "viewer", now=NOW),
     "the token is used": lambda db: of_the_token(db, tokens.note_use),
     "the token is revoked": lambda db: of_the_token(db, tokens.revoke_token),
+    "the token is forgotten": lambda db: endedtokens.remove_ended(db, before=LATER),
     "the audit": lambda db: audit.append(db, ASKED),
     "more of the audit": lambda db: audit.append(db, ASKED),
     "the old end of the audit": lambda db: audit.prune_some(db, keep_rows=0, before=LATER, at=AT),

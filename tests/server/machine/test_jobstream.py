@@ -16,7 +16,8 @@ from jobs.runner import Runner
 from protocol.elvinto.engine import ElvintoEngine
 from protocol.errors import LocalError
 from protocol.events import BatchDone
-from server.machine.jobstream import ALIVE_EVERY_S, PROGRESS_EVERY_S, JobStream
+from server.live.subscription import Filter
+from server.machine.jobstream import ALIVE_EVERY_S, PROGRESS_EVERY_S, PROGRESS_UNSEEN_S, JobStream
 from sim.elvinto.settings import SimSettings
 from tests.harness.simloop import run_simulated, until
 from tests.harness.workshop import MACHINE, Bench
@@ -183,16 +184,22 @@ def test_a_break_goes_on_while_its_fate_is_being_settled(tmp_path: Path) -> None
     run_simulated(main())
 
 
-def test_progress_is_told_a_few_times_a_second_and_every_change_of_status(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("seen", "every_s"), [(True, PROGRESS_EVERY_S), (False, PROGRESS_UNSEEN_S)])
+def test_progress_is_told_a_few_times_a_second_and_every_change_of_status(
+    tmp_path: Path, seen: bool, every_s: float
+) -> None:
     async def main() -> None:
         bench = Bench(tmp_path, SimSettings(instant=True), options={"elvinto": {"max_batch_blocks": 1}})
         shop = await bench.connected()
+        if seen:
+            shop.hub.subscribe(Filter())
         job = await bench.job("G90\n" + "".join(f"G1 X{i % 500} F6000\n" for i in range(3000)) + "M30\n")
         began = asyncio.get_running_loop().time()
         before = shop.hub.published["job"]
         await bench.status(job["id"], "completed")
         lasted_s = asyncio.get_running_loop().time() - began
-        assert 2 <= shop.hub.published["job"] - before <= lasted_s / PROGRESS_EVERY_S + 3
+        told = shop.hub.published["job"] - before
+        assert max(2, lasted_s / every_s / 2) <= told <= lasted_s / every_s + 3
         await shop.stop()
 
     run_simulated(main())

@@ -1,6 +1,7 @@
 """What a step writes is one transaction; without a step each write is one of its own."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from server.machine.together import Together
@@ -45,7 +46,7 @@ def test_a_step_is_one_transaction_and_everybody_is_told() -> None:
     together = Together(db)  # type: ignore[arg-type]
     together.hold()
     for name in "abc":
-        together.post(write, name, then=(lambda name=name: told.append(name)) if name != "b" else None)
+        together.post(write, name, then=None if name == "b" else partial(told.append, name))
     assert db.transactions == []
     together.release()
     together.post(write, "d")
