@@ -46,7 +46,7 @@ CODES: dict[str, tuple[int, str]] = {
     "disk_full": (507, "The disk is full"),
     "database_error": (500, "The database cannot be used"),
     "command_failed": (409, "The machine refused the command"),
-    "process_ended": (503, "The process that reads large programs was ended"),
+    "process_ended": (503, "The process for long computations was ended"),
     "no_answer": (504, "The machine did not answer in time"),
     "queue_full": (429, "Too many jobs are waiting"),
     "internal": (500, "An internal error"),

@@ -29,10 +29,12 @@ JobId = Annotated[int, Path(ge=1, le=2**53, description="The job's id", examples
 DEFAULT_PAGE = 100
 MAX_PAGE = 1000
 
-ACTIONS: tuple[tuple[str, str, Callable[[Jobs, int], Awaitable[Json]]], ...] = (
-    ("pause", "Pause after the batch in flight", lambda jobs, job_id: jobs.pause(job_id)),
-    ("resume", "Go on, or release a job that was held", lambda jobs, job_id: jobs.resume(job_id)),
-    ("cancel", "Cancel after the batch in flight", lambda jobs, job_id: jobs.cancel(job_id)),
+NEEDS_IDLE = ("not_connected", "alarm_active", "machine_busy", "job_active")
+"""A job that was held may begin at once."""
+ACTIONS: tuple[tuple[str, str, Callable[[Jobs, int], Awaitable[Json]], tuple[str, ...]], ...] = (
+    ("pause", "Pause after the batch in flight", lambda jobs, job_id: jobs.pause(job_id), ()),
+    ("resume", "Go on, or release a job that was held", lambda jobs, job_id: jobs.resume(job_id), NEEDS_IDLE),
+    ("cancel", "Cancel after the batch in flight", lambda jobs, job_id: jobs.cancel(job_id), ()),
 )
 
 
@@ -124,7 +126,7 @@ def _views(app: FastAPI, services: Services) -> None:
 def _actions(app: FastAPI, services: Services) -> None:
     routes = Routes(app, "jobs")
     refusals = ("unknown_job", "wrong_state")
-    for verb, summary, act in ACTIONS:
+    for verb, summary, act, errors in ACTIONS:
         declare = routes.add(
             "POST",
             f"/jobs/{{id}}/{verb}",
@@ -132,7 +134,7 @@ def _actions(app: FastAPI, services: Services) -> None:
             summary=summary,
             model=JobView,
             status=202,
-            errors=refusals,
+            errors=(*refusals, *errors),
         )
         declare(_action(services, verb, act))
 

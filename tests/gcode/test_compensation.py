@@ -1,7 +1,7 @@
 """Cutter radius compensation: by hand, by geometry, and against anything at all."""
 
 from itertools import pairwise
-from math import atan2, cos, hypot, inf, isclose, nan, pi, sin, tan
+from math import atan2, cos, hypot, inf, isclose, nan, pi, sin, sqrt, tan
 from random import Random
 
 import pytest
@@ -13,6 +13,7 @@ from gcode.compensation import (
     LEFT,
     MAX_HELD,
     RIGHT,
+    SPECK_MM,
     CompensationFault,
     Compensator,
     Move,
@@ -65,6 +66,19 @@ def near_tangent(contour: Contour) -> bool:
     steps = [(start, step) for start, step in with_starts(contour) if step.to != start or step.centre is not None]
     corners = [abs(corner(start, one, two)) for (start, one), (_, two) in pairwise(steps)]
     return any(1e-9 < angle < 1.01 * TANGENT_RAD or 1e-9 < pi - angle < 1.01 * REVERSAL_RAD for angle in corners)
+
+
+def off_at_tangent(contour: Contour) -> float:
+    """How far off the tool may be where a corner is taken as none: square to the first way, it is so far from the
+    second. Inside an arc that is more than along a straight."""
+    radius, along = contour.radius, cos(1.01 * TANGENT_RAD)
+    arcs = [
+        hypot(start[0] - step.centre[0], start[1] - step.centre[1])
+        for start, step in with_starts(contour)
+        if step.centre
+    ]
+    inside = [sqrt(arc**2 + radius**2 - 2 * arc * radius * along) - abs(arc - radius) for arc in arcs]
+    return max([radius * (1 - along), *inside])
 
 
 # -- by hand
@@ -382,7 +396,7 @@ def test_after_a_fault_the_program_goes_through_as_it_stands() -> None:
 def test_every_move_keeps_the_radius_from_its_own(contour: Contour) -> None:
     """Whatever the corners: along a straight and along an arc exactly the radius, and round a corner."""
     moves, _ = compensated(contour)
-    slack = 3 * EXACT_MM + (contour.radius * (1 - cos(1.01 * TANGENT_RAD)) if near_tangent(contour) else 0.0)
+    slack = 3 * EXACT_MM + (off_at_tangent(contour) if near_tangent(contour) else 0.0)
     starts = with_starts(contour)
     here = contour.position(contour.start, 0.0)
     for move, after in pairwise(moves):
@@ -506,11 +520,14 @@ def test_round_a_convex_part_no_point_is_nearer_than_the_radius(
         assert fault.code in ("compensation_corner", "compensation_radius")
         return
     wall = [(at, step) for at, step in with_starts(contour)[1:]]
+    nearly_filled = side == LEFT and 0 < fillet - radius < 2 * SPECK_MM
+    specks = {line for line, (_, step) in enumerate(wall, 2) if step.centre is not None} if nearly_filled else set()
     here = moves[0].end
     for move in moves[1:-1]:
         for point in walk(contour, move, here, 8):
             distances = [distance_to(point, at, step) for at, step in wall]
-            assert min(distances) == pytest.approx(radius, abs=EXACT_MM)
+            # What is left of a fillet that the tool nearly fills is a straight.
+            assert min(distances) == pytest.approx(radius, abs=SPECK_MM if move.payload in specks else EXACT_MM)
         here = move.end
 
 
