@@ -53,6 +53,7 @@ TURN_S = 0.0002
 """A thread that computes (the lines of the next batches, a check, the journal) lets the loop have its turn after this
 at the latest, up to three times for a line: the loop gives its turn away when it waits, reads and writes. Python's own
 5 ms would hold up each step of the stream, and the stop."""
+DATE_EVERY_S = 1.0
 WEBSOCKET_PING_S = 20.0
 """A reader that vanished without a word is noticed within two of these."""
 
@@ -134,6 +135,20 @@ class _Server(uvicorn.Server):
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
         self.answers = asyncio.Event()
+        self._told = asyncio.Event()
+
+    def ask_to_stop(self) -> None:
+        """The second time it does not wait for requests under way."""
+        self.force_exit = self.should_exit
+        self.should_exit = True
+        self._told.set()
+
+    async def main_loop(self) -> None:
+        """uvicorn's own looks ten times a second whether it is to stop, and each look costs as much as three lines of a
+        Grbl. This one is told, and wakes up for the date of the answers alone."""
+        while not await self.on_tick(0):
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._told.wait(), DATE_EVERY_S)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
@@ -168,8 +183,7 @@ class RunningDaemon:
     def stop(self) -> None:
         """Ask it to stop; the second time it does not wait for requests under way."""
         self._say_farewell()
-        self._server.force_exit = self._server.should_exit
-        self._server.should_exit = True
+        self._server.ask_to_stop()
 
 
 @contextlib.asynccontextmanager
