@@ -44,7 +44,7 @@ class GrblConfig(Section):
     position_tolerance: Annotated[float, Field(gt=0, le=1)] = 0.01
     max_batch_bytes: Annotated[int, Field(ge=80, le=65536)] = 2048
     max_batch_blocks: Annotated[int, Field(ge=1, le=10_000)] = 64
-    max_batch_seconds: Annotated[float, Field(ge=0.01, le=60)] = 2.0
+    max_batch_seconds: Annotated[float, Field(ge=0.01, le=60)] = 1.0
     compact: bool = True
     convert_inches: bool = False
 
