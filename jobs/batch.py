@@ -151,7 +151,8 @@ class Reader(Protocol):
 
 
 class BatchPlanner:
-    """Plans one program, once, from its lines. Nothing is read beyond a barrier before the batch after it is wanted.
+    """Plans one program, once, from its lines (as jobs.upcoming.BlockReader takes them). Nothing is read beyond a barrier
+    before the batch after it is wanted.
 
     `position` is where the machine stands before the first of `lines`, `absolute` its G90/G91 then. With `skip_to`
     the lines before it are not sent, but followed, so that the modal state is that of a machine that has executed

@@ -19,7 +19,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
 
-from gcode.lines import split_lines
+from gcode.lines import BOM, split_lines
 from jobs.lineaccess import LineAccess
 from jobs.linecount import LINES_PER_ENTRY, LineCounter, NotAProgramError
 
@@ -102,6 +102,28 @@ class ProgramStore:
         file.seek(offset)
         return _numbered(file, entry * LINES_PER_ENTRY + 1, first, last)
 
+    def runs(self, program_id: str, first: int = 1, last: int | None = None) -> Iterator[tuple[int, bytes]]:
+        r"""The same lines, up to LINES_PER_ENTRY together as they stand in the file, each with `\n` for an end; with
+        the number of the first of them.
+
+        Opens the file when the first is wanted, so that who gives up before holds nothing open. Raises
+        UnknownProgramError then.
+        """
+        with self._open_index(program_id) as index, self._program(program_id).open("rb") as file:
+            _, count, size = _HEADER.unpack(index.read(_HEADER.size))
+            last = count if last is None else min(last, count)
+            if last < first:
+                return
+            entry = (first - 1) // LINES_PER_ENTRY
+            index.seek(_HEADER.size + entry * _OFFSET.size)
+            end = file.seek(_next_offset(index, size))
+            for number in range(entry * LINES_PER_ENTRY + 1, last + 1, LINES_PER_ENTRY):
+                begin, end = end, _next_offset(index, size)
+                text = _with_line_feeds(file.read(end - begin), first=number == 1)
+                if number < first or number + LINES_PER_ENTRY > last + 1:
+                    text = b"".join(text.splitlines(keepends=True)[max(first - number, 0) : last - number + 1])
+                yield max(number, first), text
+
     def access(self, program_id: str) -> LineAccess:
         """The lines of a program in any order. Raises UnknownProgramError, and its `line` does, too."""
         return LineAccess(self.info(program_id).lines, partial(self.lines, program_id))
@@ -159,6 +181,21 @@ class ProgramStore:
 
     def _index(self, program_id: str) -> Path:
         return self._root / f"{program_id}.idx"
+
+
+def _next_offset(index: BinaryIO, size: int) -> int:
+    """Where the lines of the next entry begin; behind the last one the end of the program."""
+    entry = index.read(_OFFSET.size)
+    return int(_OFFSET.unpack(entry)[0]) if entry else size
+
+
+def _with_line_feeds(text: bytes, *, first: bool) -> bytes:
+    r"""Whole lines, each with `\n` for an end. `first`: they begin the program, perhaps with a byte order mark."""
+    if first:
+        text = text.removeprefix(BOM)
+    if b"\r" in text:
+        text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return text if text.endswith(b"\n") else text + b"\n"
 
 
 def _chunks(file: BinaryIO) -> Iterator[bytes]:

@@ -105,11 +105,11 @@ def _past(course: Course, began: Held | None, now: Held, *, laser: bool) -> Past
 
 
 def with_plan(line: int, blocks: Sequence[str], takes_over: int, rest: Lines) -> Lines:
-    """The plan's blocks and the rest without what the plan has said. All are under `line - 1`, for until the last of
-    them is done `line` is not; the last one is under the last line that the plan takes over."""
+    """The plan's blocks and the rest, which begins behind the lines that the plan takes over. All are under `line - 1`,
+    for until the last of them is done `line` is not; the last one is under the last line that the plan takes over."""
     numbers = [line - 1] * (len(blocks) - 1) + [line - 1 + takes_over]
     said = ((number, text.encode()) for number, text in zip(numbers, blocks, strict=True))
-    return chain(said, islice(iter(rest), takes_over, None))
+    return chain(said, rest)
 
 
 def check_blocks(blocks: Sequence[str], profile: Profile, now: Held) -> None:

@@ -87,7 +87,7 @@ class Planning:
         if line > last:
             return Plan(self._planner(piece, ()), line)
         if line <= 1:
-            lines = self._lines(row, 1, last)
+            lines = self._programs.runs(row["program"], 1, last)
             return Plan(_opened(self._planner(piece, lines, position=position, absolute=absolute, held=held)), 1)
         if piece.reentry is not None:
             return self._take_up(piece, row, line, held or Held(), entry or _as_configured(piece, row, held or Held()))
@@ -103,7 +103,8 @@ class Planning:
                 )
             state.absolute = absolute
         blocks = prologue(state, switches, piece.profile, first, in_inches=scout.in_inches)
-        whole = with_prologue(self._lines(row, 1, line - 1), line, blocks, self._lines(row, line, last))
+        rest = self._programs.runs(row["program"], line, last)
+        whole = with_prologue(self._lines(row, 1, line - 1), line, blocks, rest)
         planner = self._planner(piece, whole, absolute=absolute, skip_to=line - 1)
         planner.relocate(position)
         return Plan(planner, line, tuple(blocks))
@@ -127,7 +128,8 @@ class Planning:
         if entry.blocks is not None:
             check_blocks(entry.blocks, piece.profile, held)
         blocks = reentry.blocks if entry.blocks is None else entry.blocks
-        lines = with_plan(line, blocks, reentry.takes_over, self._lines(row, line, row["end_line"]))
+        rest = self._programs.runs(row["program"], line + reentry.takes_over, row["end_line"])
+        lines = with_plan(line, blocks, reentry.takes_over, rest)
         planner = self._planner(piece, lines, position=held.position, absolute=None, held=held)
         return Plan(_opened(planner), line, blocks, reentry)
 
@@ -144,7 +146,7 @@ class Planning:
         if piece.frames is not None:
             return frameplans.go_on(self._programs, piece, row, behind=Behind(line - 1, part), began=began)
         # Whether it began in G90 or G91 is in no journal; without the program saying so, nothing may be left out.
-        lines = self._lines(row, 1, row["end_line"])
+        lines = self._programs.runs(row["program"], 1, row["end_line"])
         return _opened(self._planner(piece, lines, absolute=None, skip_to=line, held=began))
 
     def _lines(self, row: Row, first: int, last: int) -> Iterator[tuple[int, bytes]]:

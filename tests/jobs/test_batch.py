@@ -247,6 +247,16 @@ def test_lines_need_not_begin_at_one() -> None:
     assert (batch.first_line, batch.last_line, batch.end["x"]) == (42, 43, 5)
 
 
+def test_lines_that_come_several_at_once_are_the_same_lines() -> None:
+    program = b"G90 G0 X1\n\nX2\nM6 T2\nG1 X3 F100\nX4 (end)\nX5\nX6\nM30\n"
+    lines = [*enumerate(program.splitlines(), 40)]
+    runs = [(40, b"G90 G0 X1\n\nX2\n"), (43, b"M6 T2"), (44, b"G1 X3 F100\nX4 (end)\nX5\nX6\nM30\n")]
+    for options in ({}, {"skip_to": 43}, {"skip_to": 46}):
+        alike = [drain(BatchPlanner(given, elvinto(), Motion(), WIDE, **options)) for given in (lines, runs)]  # type: ignore[arg-type]
+        assert alike[0] == alike[1]
+        assert alike[0][-1].last_line == 48
+
+
 # --- properties -------------------------------------------------------------------------------------------------
 
 programs = st.lists(program_lines, max_size=30)
@@ -367,7 +377,7 @@ def test_a_fitting_program_is_planned_whole(name: str) -> None:
 
 
 def test_a_long_stretch_without_a_block_is_read_piece_by_piece() -> None:
-    lines = [(n, b"(a page of comments)") for n in range(1, 1601)] + [(1601, b"G1X1F100"), (1602, b"(the end)")]
+    lines = [(n, b"(a page of comments)") for n in range(1, 2101)] + [(2101, b"G1X1F100"), (2102, b"(the end)")]
     reader = BatchPlanner(lines, elvinto(), Motion(), BatchLimits(), position={"x": 0.0})
     pieces = []
     while (batch := reader.next(aside=True)) is None:
@@ -375,7 +385,7 @@ def test_a_long_stretch_without_a_block_is_read_piece_by_piece() -> None:
         pieces.append(reader.reading)
         reader.read()
     assert pieces == [True] * 3, "two pieces, and that nothing comes behind them"
-    assert (batch.first_line, batch.blocks) == (1601, ("G1X1F100",))
+    assert (batch.first_line, batch.blocks) == (2101, ("G1X1F100",))
     assert reader.next() is None
 
 

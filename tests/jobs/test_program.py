@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gcode.lines import MAX_LINE_BYTES
+from gcode.lines import BOM, MAX_LINE_BYTES
 from jobs.linecount import LINES_PER_ENTRY, NotAProgramError
 from jobs.program import SYNC_BYTES, UNLISTED_KEPT_S, ProgramInfo, ProgramStore, UnknownProgramError, Writer
 from tests.harness.programs import quick
@@ -58,6 +58,39 @@ def test_a_range_of_lines(tmp_path: Path, first: int, last: int | None, expected
     store = ProgramStore(tmp_path)
     info = keep(store, b"a\nb\nc\n")
     assert [line for line, _ in store.lines(info.id, first, last)] == expected
+
+
+ENDS = (b"\n", b"\r\n", b"\r")
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, None), (1, 2500), (2, 1023), (1024, 1025), (1500, None), (2049, 9999)])
+@pytest.mark.parametrize("ended", [True, False])
+def test_runs_are_the_same_lines(tmp_path: Path, first: int, last: int | None, ended: bool) -> None:
+    store = ProgramStore(tmp_path)
+    text = b"".join([b"G1 X%d" % number + ENDS[number % 3] for number in range(2600)])
+    info = keep(store, BOM + (text if ended else text.rstrip(b"\r\n")))
+    runs = list(store.runs(info.id, first, last))
+    assert all(run.endswith(b"\n") for _, run in runs)
+    lines = [found for number, run in runs for found in enumerate(run.splitlines(), number)]
+    assert lines == list(store.lines(info.id, first, last))
+
+
+@pytest.mark.parametrize("count", [1023, 1024, 1025, 2048])
+def test_runs_end_with_the_program(tmp_path: Path, count: int) -> None:
+    store = ProgramStore(tmp_path)
+    info = keep(store, b"\n" * count)
+    assert sum(run.count(b"\n") for _, run in store.runs(info.id)) == count
+    assert [list(store.runs(info.id, *none)) for none in ((count + 1, None), (2, 1), (1, 0))] == [[], [], []]
+
+
+def test_a_run_is_opened_when_it_is_wanted(tmp_path: Path) -> None:
+    store = ProgramStore(tmp_path)
+    info = keep(store, b"a\nb\n")
+    runs, late = store.runs(info.id), store.runs(info.id)
+    store.delete(info.id)
+    with pytest.raises(UnknownProgramError):
+        next(runs)
+    late.close()  # type: ignore[attr-defined]
 
 
 def test_an_empty_program(tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ def test_until_the_plan_is_done_the_line_is_not() -> None:
     rest = [(6, b"X2"), (7, b"X3"), (8, b"X4")]
     assert list(with_plan(6, ["G90", "G0 X1"], 0, rest)) == [(5, b"G90"), (5, b"G0 X1"), *rest]
     # What the plan has said of the rest is done with its last block, and is not said again.
-    assert list(with_plan(6, ["G90", "G2 X2 R5"], 2, rest)) == [(5, b"G90"), (7, b"G2 X2 R5"), (8, b"X4")]
+    assert list(with_plan(6, ["G90", "G2 X2 R5"], 2, rest[2:])) == [(5, b"G90"), (7, b"G2 X2 R5"), (8, b"X4")]
 
 
 @pytest.mark.parametrize(

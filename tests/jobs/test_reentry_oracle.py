@@ -164,7 +164,7 @@ def taken_up(mill: Mill, lines: list[str], line: int, began: Held, way: Way) -> 
     now = mill.held()
     course = Course(lambda: numbered[: line - 1], lambda: numbered[line - 1 :], line, mill.kind.profile, "utf-8")
     plan = plan_at(course, way, began=began, now=now)
-    rest = with_plan(line, plan.blocks, plan.takes_over, numbered[line - 1 :])
+    rest = with_plan(line, plan.blocks, plan.takes_over, numbered[line - 1 + plan.takes_over :])
     planner = BatchPlanner(rest, mill.kind.profile, Motion(), LIMITS, position=now.position, absolute=None, held=now)
     # The plan may say the first blocks of the rest itself, and some of them move.
     left = sum(step.purpose != "first" for step in plan.steps if step.text)

@@ -12,6 +12,7 @@ from jobs import batch, history, journal
 from jobs.batch import BatchPlanner
 from jobs.effects import SetStatus
 from jobs.job import Status
+from jobs.program import ProgramStore
 from jobs.runner import Runner
 from protocol.elvinto.engine import ElvintoEngine
 from protocol.errors import LocalError
@@ -55,6 +56,7 @@ def test_a_fault_of_ours_in_the_reading_fails_the_job_behind_what_was_sent(
 ) -> None:
     read = BatchPlanner.read
     monkeypatch.setattr(batch, "LINES_AT_ONCE", 20)
+    monkeypatch.setattr(ProgramStore, "runs", ProgramStore.lines)
 
     def faulty(planner: BatchPlanner) -> None:
         if len(bench.executed()) > 10:
