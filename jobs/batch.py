@@ -151,7 +151,7 @@ class Reader(Protocol):
 
 
 class BatchPlanner:
-    """Plans one program, once, from its lines (as jobs.upcoming.BlockReader takes them). Nothing is read beyond a barrier
+    """Plans one program, once, from its lines, given as to jobs.upcoming.BlockReader. Nothing is read beyond a barrier
     before the batch after it is wanted.
 
     `position` is where the machine stands before the first of `lines`, `absolute` its G90/G91 then. With `skip_to`
