@@ -142,7 +142,9 @@ class Year:
         await endedtokens.remove_old(shop.db, shop.jobs.clock)
 
     async def _job(self) -> None:
-        far = self.random.randrange(800)
+        far, stood = self.random.randrange(800), self.mill.way()[-1:]
+        while [float(far)] == stood:  # a move to where it stands is none, and would be missed
+            far = self.random.randrange(800)
         await self.mill.ready(self.people)
         await self.people.hands()
         self.mill.forget()
