@@ -8,6 +8,7 @@ import pytest
 
 from jobs.feed import BatchSource
 from jobs.runner import Runner
+from jobs.upcoming import LINES_AT_ONCE
 from server.problems import ProblemError
 from sim.elvinto.gcode import ERR_UNKNOWN_CODE, BlockError
 from sim.elvinto.settings import SimSettings
@@ -64,7 +65,7 @@ def test_a_thousand_pages_of_comments_do_not_keep_the_loop(tmp_path: Path) -> No
 
         turns._read = counted  # type: ignore[method-assign]
         view = await bench.status(job["id"], "completed")
-        assert len(pieces) >= 10
+        assert len(pieces) >= 20_000 // LINES_AT_ONCE
         assert view["progress"]["line"] == 20_005
         await shop.stop()
 
