@@ -65,7 +65,7 @@ def test_a_thousand_pages_of_comments_do_not_keep_the_loop(tmp_path: Path) -> No
 
         turns._read = counted  # type: ignore[method-assign]
         view = await bench.status(job["id"], "completed")
-        assert len(pieces) >= 20_000 // LINES_AT_ONCE
+        assert len(pieces) >= 20_000 // LINES_AT_ONCE - 1, "the first was read before it began"
         assert view["progress"]["line"] == 20_005
         await shop.stop()
 
