@@ -84,8 +84,9 @@ class Timeline:
 
     def between(self, behind: int, last: int) -> Span:
         """Of the lines after `behind`, up to and with `last`; nothing where there are none."""
-        here, there = self._at(behind), self._at(max(last, behind))
-        return Span(*[end - begin for begin, end in zip(here, there, strict=True)])
+        feed_s, rapid_s, other_s, link_s = self._at(behind)
+        feed_to, rapid_to, other_to, link_to = self._at(max(last, behind))
+        return Span(feed_to - feed_s, rapid_to - rapid_s, other_to - other_s, link_to - link_s)
 
     def _at(self, line: int) -> list[float]:
         """The table behind `line`. While a job runs most questions have an end in common with the one before."""

@@ -8,6 +8,7 @@ out when somebody looks.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import exp, isfinite, log, sqrt
+from typing import NamedTuple
 
 from gcode.timeline import AS_PROGRAMMED, Overrides, Timeline, overrides_of
 from jobs.experience import FURTHEST, NO_EXPERIENCE, Experience
@@ -26,8 +27,7 @@ MOST_STRETCHES = 100
 """Kept until the timeline is there; what is more does not count."""
 
 
-@dataclass(frozen=True, slots=True)
-class Left:
+class Left(NamedTuple):
     """Seconds that a job will still take: the best estimate, and what it lies between in nine cases of ten."""
 
     seconds: float
@@ -35,8 +35,7 @@ class Left:
     most_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class Reach:
+class Reach(NamedTuple):
     """Lines of a job: everything up to `done` is executed, up to `sent` handed over, `last` is its last one."""
 
     done: int
@@ -139,7 +138,8 @@ class Pace:
             rest_s -= min(max(now - self._at, 0.0), in_flight_s)
         # Never faster than the link carries what has not been handed over yet.
         link_s = unsent.link_s
-        least, seconds, most = (max(rest_s * exp(side * RANGE * spread), link_s, 0.0) for side in (-1, 0, 1))
+        apart = exp(RANGE * spread)
+        seconds, least, most = [max(s, link_s, 0.0) for s in (rest_s, rest_s / apart, rest_s * apart)]
         return Left(seconds, least, most) if isfinite(most) else None
 
     def _likely(self) -> tuple[float, float]:

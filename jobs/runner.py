@@ -162,6 +162,10 @@ class Runner(ToolSide):
         self._check_break(now)
         return self._drain()
 
+    def heeds(self, event: Event) -> bool:
+        """Whether it says anything new: a machine tells ten times a second that it runs."""
+        return not (isinstance(event, StateReported) and event.status == self._reported)
+
     def handle(self, event: Event, *, now: float, at: str) -> list[Effect]:
         """What the engine reports. `at` is the time for people."""
         match event:
@@ -175,9 +179,7 @@ class Runner(ToolSide):
                 self._done(flight, inferred=inferred, position=position, at=at)
             case BatchFailed() if flight := self.ledger.flight(event.id):
                 self._failed(event, flight, at=at)
-            case StateReported(status=status):
-                if status == self._reported:
-                    return []  # nothing new: a machine says ten times a second that it runs
+            case StateReported():
                 self._state(event)
             case LineRefused() if flight := self.ledger.flight(event.id):
                 self._line_refused(event, flight)

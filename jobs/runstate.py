@@ -80,7 +80,7 @@ class RunState:
     @property
     def over(self) -> bool:
         """The job has ended and nothing more will be learnt about it."""
-        return self.status in ENDED and not self.ledger.open
+        return not self.ledger.open and self.status in ENDED
 
     @property
     def linked(self) -> bool:

@@ -235,7 +235,7 @@ class JobStream:
 
     def handle(self, event: Event) -> None:
         """What the engine reports."""
-        if self.runner is None:
+        if self.runner is None or not self.runner.heeds(event):
             return
         if isinstance(event, BatchSent) and event.attempt > 1:
             self._metrics.retries += 1

@@ -224,6 +224,16 @@ def test_a_failed_batch_ends_the_job_and_names_its_lines(failure: BatchFailed, c
     assert bench.runner.over
 
 
+def test_a_report_says_something_new_only_when_the_status_is_another() -> None:
+    bench = Bench([batch(1)])
+    for status in ("idle", "run", "alarm", "run"):
+        report = StateReported(status=status, position={})
+        assert bench.runner.heeds(report)
+        bench.runner.handle(report, now=0.0, at=AT)
+        assert not bench.runner.heeds(StateReported(status=status, position={"x": 1.0}))
+    assert bench.runner.heeds(BatchDone(1000))
+
+
 def test_an_alarm_state_alone_fails_the_job_too() -> None:
     bench = Bench([batch(1), batch(3)])
     bench.do(bench.runner.pause())
