@@ -130,7 +130,11 @@ def blocks_of(columns: Columns, table: CodeTable, *, skip_deleted: bool = False)
             special += [] if table.is_dropped[code] else [row[where]]
         else:
             rows = row[where]
-            special.append(rows[1:][rows[1:] == rows[:-1]])
+            twice = rows[1:][rows[1:] == rows[:-1]]
+            special.append(twice)
+            if len(rows) == columns.lines and not len(twice):  # each row has one
+                found.letters[chr(code)] = Letter(value[where], np.ones(columns.lines, np.bool_))
+                continue
             values, has = np.zeros(columns.lines), np.zeros(columns.lines, np.bool_)
             values[rows] = value[where]
             has[rows] = True
