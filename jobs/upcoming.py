@@ -1,6 +1,6 @@
 """Lines of a program to blocks that are ready to go: their wire text, how long they take, where they end.
 
-Some hundred lines are worked on at once (numpy), which is what makes it cheap; what comes out are columns (stretch.py).
+Some thousand lines are worked on at once (numpy), which is what makes it cheap; what comes out are columns (stretch.py).
 Not the batches; that is batch.py. The one rule: nothing behind a barrier is executed, not even in thought,
 before it is asked for, because only the machine can say where it stands then.
 """
@@ -33,7 +33,7 @@ from protocol.errors import LocalError
 STANDSTILL = "G4P0"
 """In the place of an M61 alone in its line: a block that waits until everything before it is executed."""
 LINES_AT_ONCE = 2048
-"""Lines of one go, about: five milliseconds beside the loop (server/machine), one of them the same for one line."""
+"""Lines of one go, about: four milliseconds beside the loop (server/machine), of which one is the same for one line."""
 
 
 class PlanError(LocalError):
