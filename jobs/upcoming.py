@@ -1,8 +1,8 @@
 """Lines of a program to blocks that are ready to go: their wire text, how long they take, where they end.
 
-Some thousand lines are worked on at once (numpy), which is what makes it cheap; what comes out are columns (stretch.py).
-Not the batches; that is batch.py. The one rule: nothing behind a barrier is executed, not even in thought,
-before it is asked for, because only the machine can say where it stands then.
+Some thousand lines are worked on at once (numpy), which is what makes it cheap; what comes out are columns
+(stretch.py). Not the batches; that is batch.py. The one rule: nothing behind a barrier is executed, not even in
+thought, before it is asked for, because only the machine can say where it stands then.
 """
 
 from collections.abc import Iterable
