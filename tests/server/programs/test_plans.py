@@ -194,7 +194,7 @@ def test_what_cannot_be_taken_up_has_a_reason(store: ProgramStore) -> None:
 
 def test_from_the_start_grbl_needs_no_plan_and_begins_in_the_modes_that_it_has(store: ProgramStore) -> None:
     held = replace(HELD, modal=("G1", "G91"))
-    job = row(store, b"X1 F60\nX1\n")
+    job = row(store, b"X1 F600\nX1\n")
     plan = Planning(store).start(grbl(), job, line=1, position={"x": 5.0}, absolute=None, held=held)
     (batch,) = batches(plan.planner)
     assert (plan.prologue, plan.reentry, batch.end["x"]) == ((), None, 7.0)
