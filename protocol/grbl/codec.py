@@ -66,6 +66,7 @@ class Decoder:
     def __init__(self) -> None:
         self._buffer = bytearray()
         self._skipping = False
+        self._report = b"", OK
         self.between_lines = True
         """What comes next is the beginning of a line."""
 
@@ -90,7 +91,18 @@ class Decoder:
                 raw = bytes(self._buffer).strip()
                 self._buffer.clear()
                 if raw:
-                    yield OK if raw == b"ok" else Heard(printable(raw), parse_line(raw))
+                    yield self._read(raw)
+
+    def _read(self, raw: bytes) -> Heard:
+        """A machine that stands reports the same all night: that is read once."""
+        if raw == b"ok":
+            return OK
+        if raw == self._report[0]:
+            return self._report[1]
+        heard = Heard(printable(raw), parse_line(raw))
+        if raw.startswith(b"<"):
+            self._report = raw, heard
+        return heard
 
 
 def printable(raw: bytes) -> str:

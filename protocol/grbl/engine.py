@@ -168,11 +168,12 @@ class GrblEngine(Watching):
 
     def handle_timer(self, now: float) -> None:
         """A deadline has come; calling early does nothing."""
-        self._quiet, self.news = False, True
+        self._quiet, self.news = False, bool(self._events)
         if STEPS[self._phase].polls and now >= self._poll.next_at:
             self._watch_silence(now)
             self._lane.put(realtime.STATUS)
         if now >= self._due.get("phase", now + 1):
+            self.news = True
             del self._due["phase"]
             self._silences[self._phase](now)
 

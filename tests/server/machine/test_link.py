@@ -112,6 +112,32 @@ def test_one_timer_is_armed_anew_and_rings_once() -> None:
     run_simulated(main())
 
 
+def test_a_timer_that_rings_half_a_millisecond_too_early_is_not_asked_to_ring_again() -> None:
+    async def main() -> None:
+        bench = Bench()
+        bench.engine.due_at = 1.0
+        bench.link.pump()
+        bench.engine.due_at = 1.0004  # as a loop rings that counts in milliseconds
+        await asyncio.sleep(2.0)
+        assert bench.engine.ticks == [1.0004], "and the engine hears of its deadline"
+
+    run_simulated(main())
+
+
+def test_behind_a_timer_nobody_is_asked_where_the_engine_has_no_news() -> None:
+    async def main() -> None:
+        bench = Bench()
+        bench.engine.due_at = 1.0
+        bench.link.pump()
+        bench.engine.news = False
+        bench.engine.outgoing += b"?"
+        bench.offers.append(lambda: pytest.fail("nobody is asked"))
+        await asyncio.sleep(2.0)
+        assert (bench.written, len(bench.engine.ticks)) == ([b"?"], 1)
+
+    run_simulated(main())
+
+
 def test_a_timer_that_rings_before_anything_is_due_does_not_call_the_engine() -> None:
     async def main() -> None:
         bench = Bench()
