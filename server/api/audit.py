@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
 from fastapi import FastAPI, Query
+from pydantic import BeforeValidator
 from starlette.responses import Response
 
 from server.access.audit import COLUMNS, Wanted
@@ -19,6 +20,18 @@ from server.api.accessmodels import AuditView
 from server.api.routing import Routes, json_response
 from server.api.services import Services
 from server.clock import rfc3339
+
+
+def _written(value: object) -> object:
+    """pydantic would take a bare number, too, for seconds since 1970."""
+    try:
+        float(str(value))
+    except ValueError:
+        return value
+    raise ValueError("a time is written like 2026-03-01T09:00:00Z")
+
+
+Moment = Annotated[datetime, BeforeValidator(_written)]
 
 DEFAULT_PAGE = 100
 MAX_PAGE = 1000
@@ -59,8 +72,8 @@ def install(app: FastAPI, services: Services) -> None:
         ] = None,
         status: Annotated[int | None, Query(ge=100, le=599, description="Only with this status")] = None,
         code: Annotated[str | None, Query(max_length=MAX_CHARS, description="Only with this code")] = None,
-        since: Annotated[datetime | None, Query(description="Not before this time")] = None,
-        until: Annotated[datetime | None, Query(description="Only before this time")] = None,
+        since: Annotated[Moment | None, Query(description="Not before this time")] = None,
+        until: Annotated[Moment | None, Query(description="Only before this time")] = None,
         limit: Annotated[int, Query(ge=1, le=MAX_PAGE, description="How many at most")] = DEFAULT_PAGE,
         before: Annotated[
             int | None, Query(ge=1, le=2**53, description="Only rows with a lower id: the next page")
