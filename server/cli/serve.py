@@ -146,9 +146,9 @@ class _Server(uvicorn.Server):
     async def main_loop(self) -> None:
         """uvicorn's own looks ten times a second whether it is to stop, and each look costs as much as three lines of a
         Grbl. This one is told, and wakes up for the date of the answers alone."""
+        told = [asyncio.create_task(self._told.wait())]
         while not await self.on_tick(0):
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._told.wait(), DATE_EVERY_S)
+            await asyncio.wait(told, timeout=DATE_EVERY_S)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)

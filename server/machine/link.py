@@ -13,7 +13,6 @@ from protocol.commands import RealtimeCommand
 from protocol.engine import Engine, OpenWork
 from protocol.events import Event
 
-
 EARLY_S = 0.001
 """A loop that counts in milliseconds (uvloop) rings up to one too early, and would do so again and again until then."""
 
