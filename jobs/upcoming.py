@@ -160,11 +160,13 @@ class BlockReader:
         texts: list[bytes] = []
         counts: list[int] = []
         lines = 0
-        while lines < most_lines and (run := next(self._lines, None)) is not None:
-            firsts.append(run[0])
-            texts.append(run[1] if run[1].endswith(b"\n") else run[1] + b"\n")
+        for first, text in self._lines:
+            firsts.append(first)
+            texts.append(text if text.endswith(b"\n") else text + b"\n")
             counts.append(texts[-1].count(b"\n"))
             lines += counts[-1]
+            if lines >= most_lines:
+                break
         if not lines:
             self.ended, self._piece = True, None
             return 0
