@@ -46,6 +46,10 @@ DISK = ("disk I/O error", "unable to open database file", "readonly database")
 MEND_DISK = "Look at the log of the system (dmesg), the quota and the permissions of server.data_dir."
 
 
+Then = Callable[[], None] | None
+"""Called on the loop when something is durable."""
+
+
 class Db(Protocol):
     """What the services see of the database."""
 
@@ -56,8 +60,9 @@ class Db(Protocol):
         """The same for what changes nothing, for people to look at: where nothing can be written (a full disk) it sees
         what is durable. What decides about a machine or a job asks with `run`."""
 
-    def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
-        """Have `fn(db, *args)` done, in order, and `then` called on the loop when it is durable. Never waits."""
+    def post(self, fn: Callable[..., Any], *args: Any, then: Then = None, linger_s: float = LINGER_S) -> None:
+        """Have `fn(db, *args)` done, in order, and `then` called on the loop when it is durable. Never waits. Without
+        `then` it goes with the next one for which somebody waits, and after `linger_s` at the latest."""
 
     @property
     def trouble(self) -> str | None:
@@ -166,6 +171,8 @@ class DbThread:
         """None: nothing more comes."""
         self._lingering: _Lot = []
         self._alarm: asyncio.Handle | None = None
+        self._due_at = 0.0
+        """When the alarm rings."""
         self._hurried = False
         self._waiting: deque[_Post | _Run] = deque()
         self._closing = False
@@ -190,15 +197,19 @@ class DbThread:
         self._hand_over()
         return await future
 
-    def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
+    def post(self, fn: Callable[..., Any], *args: Any, then: Then = None, linger_s: float = LINGER_S) -> None:
         self._lingering.append(_Post(fn, args, then))
-        if then is not None and not self._hurried:
+        if self._hurried:
+            return
+        if then is not None:
             # Not before this step of the loop has ended: all that it posts is one transaction.
             self._quiet()
             self._hurried = True
             self._alarm = self._loop.call_soon(self._hand_over)
-        elif self._alarm is None:
-            self._alarm = self._loop.call_later(LINGER_S, self._hand_over)
+        elif self._alarm is None or self._loop.time() + linger_s < self._due_at:
+            self._quiet()
+            self._due_at = self._loop.time() + linger_s
+            self._alarm = self._loop.call_at(self._due_at, self._hand_over)
 
     async def close(self) -> None:
         """Everything posted is written (or given up, when it cannot be), then the thread ends."""
@@ -355,7 +366,7 @@ class InlineDb:
         except sqlite3.Error as error:
             raise refusal(error) from error
 
-    def post(self, fn: Callable[..., Any], *args: Any, then: Callable[[], None] | None = None) -> None:
+    def post(self, fn: Callable[..., Any], *args: Any, then: Then = None, linger_s: float = LINGER_S) -> None:  # noqa: ARG002
         self._posted.append(_Post(fn, args, then))
         if self._timer is None:
             self._timer = self._loop.call_later(self._latency_s, self.commit)

@@ -250,6 +250,24 @@ def test_what_nobody_waits_for_is_written_all_the_same(tmp_path: Path) -> None:
     asyncio.run(main())
 
 
+@pytest.mark.real
+def test_what_may_wait_longer_goes_with_what_may_not(tmp_path: Path) -> None:
+    async def main() -> None:
+        db = Grouping(tmp_path / "m.db", asyncio.get_running_loop())
+        await db.run(lambda db: db.execute("create table t (n integer)"))
+        db.post(put, 1, linger_s=3600.0)
+        db.post(put, 2)
+        db.post(put, 3, linger_s=3600.0)
+        async with asyncio.timeout(30):
+            while not db.groups:
+                await asyncio.sleep(0)
+        assert db.groups == [3], "in order, when the most impatient is written"
+        assert await db.run(numbers) == [1, 2, 3]
+        await db.close()
+
+    asyncio.run(main())
+
+
 @pytest.mark.parametrize(
     ("said", "code", "advice"),
     [

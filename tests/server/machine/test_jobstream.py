@@ -280,8 +280,8 @@ def test_what_follows_from_one_event_is_one_transaction(tmp_path: Path) -> None:
         shop = await bench.connected()
         posted = bench.databases[-1].post
 
-        def post(fn: Any, *args: Any, then: Any = None) -> None:
-            posted(fn, *args, then=then)
+        def post(fn: Any, *args: Any, **named: Any) -> None:
+            posted(fn, *args, **named)
             posted(look)
 
         bench.databases[-1].post = post  # type: ignore[method-assign]
