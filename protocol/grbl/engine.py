@@ -71,7 +71,7 @@ from protocol.grbl.traffic import CHECK_MODE, MAX_BATCHES, MAX_BY_HAND
 from protocol.grbl.watching import Watching
 from protocol.grbl.window import Window
 
-TELL_WITHIN_S: Final = 0.05
+TELL_WITHIN_S: Final = 0.1
 """So long lines and answers from which nothing follows wait to be told, and what they prove of lines before them: each
 alone would cost as much again."""
 
