@@ -7,7 +7,6 @@ job, then the history.
 
 import asyncio
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 from jobs.delivery import STANDING
@@ -341,7 +340,7 @@ class Controller(Machine):
         elif runner is not None and waiting and not runner.has_changer:
             self.check_takes_commands()
             if runner.tool is not None:
-                self.state = replace(self.state, tool_requested=runner.tool)
+                self.state = self.state._replace(tool_requested=runner.tool)
             self.state = tool_confirmed(self.state)
             if not runner.holding:
                 self._urge(self.verbs.go_on)

@@ -1,7 +1,6 @@
 """How long a job will still take, through the whole daemon: learned, corrected, frozen, kept over a restart."""
 
 import asyncio
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +129,7 @@ def test_a_feed_override_changes_it_at_once(tmp_path: Path) -> None:
         await until(lambda: len(bench.executed()) > 20, within_s=60)
         machine = shop.machines[MACHINE]
         before = await shown(shop, job)
-        machine.stream.conditions(replace(machine.state, overrides={"feed": 50}))
+        machine.stream.conditions(machine.state._replace(overrides={"feed": 50}))
         after = await shown(shop, job)
         assert after["line"] == before["line"]
         assert 1.5 * before["seconds_left"] < after["seconds_left"] < 2.1 * before["seconds_left"]
