@@ -210,14 +210,14 @@ async def _bare(grblsim: Path, folder: Path, program: list[str]) -> tuple[dict[s
         return await port.done(), 1e6 * cpu_s / len(program)
 
 
-def on_grblsim(grblsim: Path, lines: int, compact_lines: int) -> Iterator[tuple[str, Iterator[Figure]]]:
+def on_grblsim(grblsim: Path, lines: int, long_lines: int) -> Iterator[tuple[str, Iterator[Figure]]]:
     """The figures of the measuring responder; first those of a sender that does nothing but count characters."""
     with tempfile.TemporaryDirectory(prefix="millstream-bench-") as folder:
         found, bare_ms = asyncio.run(_bare(grblsim, Path(folder), [*carved(SEED, lines)]))
     yield "grblsim, a bare sender of a few lines", _of_a_bare_sender(found, bare_ms)
     for heading, count, compact, line_s in (
-        ("grblsim, as it is", lines, False, None),
-        (f"grblsim, compact, {compact_lines:,} lines", compact_lines, True, None),
+        (f"grblsim, as it is, {long_lines:,} lines", long_lines, False, None),
+        (f"grblsim, compact, {long_lines:,} lines", long_lines, True, None),
         ("grblsim, compact, lines of 3 ms", lines, True, 0.003),
         ("grblsim, as it is, lines of 5 ms", lines, False, LINE_S),
     ):
@@ -252,7 +252,10 @@ def _of_grblsim(found: dict[str, Any], cpu_ms: float, *, compact: bool, paced: b
         goal = GOAL_TURNAROUND_US
         yield Figure("from an ok to the next bytes, p99", found["turn_p99_us"], "us", goal=goal, digits=0)
     yield Figure("answers that grblsim itself gave over 1 ms late", found["sim_late_over_1ms"], digits=0)
-    yield Figure("processor time of the daemon for 1,000 lines", cpu_ms, "ms", goal=GOAL_CPU_MS, digits=1)
+    # Where the line is full, as for the senders that it is compared with: with fewer lines in a second each of them has
+    # more of what a second costs (its questions, the reports), and a colder processor.
+    cpu_goal = GOAL_CPU_MS if paced else None
+    yield Figure("processor time of the daemon for 1,000 lines", cpu_ms, "ms", goal=cpu_goal, digits=1)
     yield Figure("most bytes without an answer", found["max_unacked"], goal=128, digits=0)
     yield Figure("overflows", found["overflow"], goal=0, digits=0)
 
@@ -319,7 +322,7 @@ def _late(found: list[float], *, goal: float) -> Iterator[Figure]:
     yield Figure("longest", 1e3 * found[-1], "ms")
 
 
-def run(*, lines: int = 3000, compact_lines: int = 20_000, presses: int = 200) -> Report:
+def run(*, lines: int = 3000, long_lines: int = 20_000, presses: int = 200) -> Report:
     """All of it; `lines` 0 leaves real time out."""
     groups = [*in_simulated_time(lines or 1000)]
     if lines:
@@ -329,6 +332,6 @@ def run(*, lines: int = 3000, compact_lines: int = 20_000, presses: int = 200) -
             if grblsim is None:
                 groups.append(("grblsim: NOT MEASURED, its source or a C compiler is missing", iter(())))
             else:
-                groups += on_grblsim(grblsim, lines, compact_lines)
+                groups += on_grblsim(grblsim, lines, long_lines)
         groups += latency(presses)
     return Report.of(TITLE, groups)
