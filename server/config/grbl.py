@@ -17,9 +17,9 @@ from server.config.section import Encoding, Section
 
 FLAVOURS = {"grbl-1.1": "grbl", "grblhal": "grblhal"}
 """What a controller says that it is (protocol.events.FirmwareRead)."""
-MAX_BATCHES = 4
-"""Rows of the journal that may be with the engine: 256 lines, for between two reports that prove lines to be executed
-a fast controller takes 160."""
+MAX_BATCHES = 3
+"""Rows of the journal that may be with the engine: between two reports that prove lines to be executed a fast
+controller takes 160, and a row is proven when some thirty of the next one are acknowledged."""
 LEAST_BLOCKS = 64
 """But so many blocks in any case: a line is known to be executed when those behind it have filled the planner (16) and
 the segment buffer (12, protocol/grbl/errands.py); with less inside the machine would come to rest to prove it."""
@@ -42,9 +42,9 @@ class GrblConfig(Section):
     reset_wait: Annotated[float, Field(ge=0.5, le=60)] = 3.0
     encoding: Encoding = "utf-8"
     position_tolerance: Annotated[float, Field(gt=0, le=1)] = 0.01
-    max_batch_bytes: Annotated[int, Field(ge=80, le=65536)] = 2048
-    max_batch_blocks: Annotated[int, Field(ge=1, le=10_000)] = 64
-    max_batch_seconds: Annotated[float, Field(ge=0.01, le=60)] = 1.0
+    max_batch_bytes: Annotated[int, Field(ge=80, le=65536)] = 4096
+    max_batch_blocks: Annotated[int, Field(ge=1, le=10_000)] = 128
+    max_batch_seconds: Annotated[float, Field(ge=0.01, le=60)] = 2.0
     compact: bool = True
     convert_inches: bool = False
 
