@@ -18,6 +18,7 @@ from protocol.engine import Engine, OpenWork
 from protocol.events import (
     Announced,
     BatchDone,
+    BatchFailed,
     BatchReceived,
     BatchSent,
     CommandDone,
@@ -229,6 +230,7 @@ class Machine:
         self.own_program = None
         self._highest_id = max(self._highest_id, link.engine.next_id)
         self._reduce(LinkLost(reason))
+        self._acks.break_off()
         self.stream.link_down(last_life_at=self._last_life_at)
         self.manual.epoch_ended()
 
@@ -303,6 +305,8 @@ class Machine:
                 self.unheard_stop = None
             case MachineRestarted() | ProgramEnded() | StateReported(status="alarm"):
                 self.own_program = None
+            case BatchFailed():
+                self._acks.handle(event, self._loop.time())
             case _:
                 pass
         self._reduce(event)

@@ -4,11 +4,11 @@ Not the estimate (gcode) and not a deadline (the engine has those). The one rule
 nothing about latency, for nobody knows which copy was answered.
 """
 
-from protocol.events import BatchDone, BatchReceived, BatchSent, Event
+from protocol.events import BatchDone, BatchFailed, BatchReceived, BatchSent, Event
 from server.metrics import MachineMetrics
 
 MOST_IN_FLIGHT = 256
-"""Batches whose beginning is remembered: more than any machine takes at once; those that a break left open go first."""
+"""Batches whose beginning is remembered: more than any machine takes at once; the oldest go first."""
 
 
 class AckTimer:
@@ -27,7 +27,7 @@ class AckTimer:
                 self._sent_at[id] = now
                 if len(self._sent_at) > MOST_IN_FLIGHT:
                     del self._sent_at[next(iter(self._sent_at))]
-            case BatchSent(id=id):
+            case BatchSent(id=id) | BatchFailed(id=id):
                 self._sent_at.pop(id, None)
             case BatchReceived(id=id) if id in self._sent_at:
                 self._ack_s = now - self._sent_at[id]
@@ -39,6 +39,15 @@ class AckTimer:
                     self._metrics.batch_seconds.observe(self._batch_s)
             case _:
                 pass
+
+    @property
+    def in_flight(self) -> int:
+        """Batches that were sent once and of which nothing final was heard."""
+        return len(self._sent_at)
+
+    def break_off(self) -> None:
+        """The link is gone: what comes of the batches in flight is found out later, and says nothing about latency."""
+        self._sent_at.clear()
 
     def view(self) -> dict[str, float | None]:
         """The newest of both, s; null before the first."""

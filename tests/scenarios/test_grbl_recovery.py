@@ -54,8 +54,10 @@ async def interrupted(bench: GrblBench, router: Controller, text: str = PROGRAM,
     """The cable is pulled out in the middle of a job and put back when the machine has done what it had."""
     job = (await bench.job(text))["id"]
     await until(lambda: len(bench.executed()) >= 90, within_s=60, step_s=0.01)
+    assert router._acks.in_flight > 0
     bench.cable.pull()
     await bench.status(job, "interrupted")
+    assert router._acks.in_flight == 0, "what a break leaves open is waited for by nobody"
     await bench.cable.live_alone(alone_s)
     bench.cable.plugged = True
     await until(lambda: router.link_status == "connected" and router.state.status in ("idle", "alarm"), within_s=60)

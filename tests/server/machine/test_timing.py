@@ -1,6 +1,6 @@
 """Latency samples: only of what was sent once and answered by the machine itself."""
 
-from protocol.events import BatchDone, BatchReceived, BatchSent
+from protocol.events import BatchDone, BatchFailed, BatchReceived, BatchSent
 from server.machine.timing import MOST_IN_FLIGHT, AckTimer
 from server.metrics import MachineMetrics
 
@@ -41,7 +41,22 @@ def test_each_of_several_batches_in_flight_is_timed() -> None:
     assert timer.view() == {"ack_s": 2.0, "batch_s": 5.25}
 
 
-def test_what_breaks_left_open_is_forgotten() -> None:
+def test_what_failed_or_was_in_flight_at_a_break_is_forgotten() -> None:
+    metrics = MachineMetrics()
+    timer = AckTimer(metrics)
+    for id in (1, 2, 3):
+        timer.handle(BatchSent(id, 1), 10.0)
+    timer.handle(BatchFailed(1, "stop", None, "stopped by hand"), 11.0)
+    assert timer.in_flight == 2
+    timer.break_off()
+    assert timer.in_flight == 0
+    for id in (1, 2, 3):
+        timer.handle(BatchReceived(id), 70.0)
+        timer.handle(BatchDone(id), 71.0)
+    assert (metrics.ack_latency.count, metrics.batch_seconds.count) == (0, 0)
+
+
+def test_not_more_are_remembered_than_any_machine_takes() -> None:
     metrics = MachineMetrics()
     timer = AckTimer(metrics)
     for id in range(MOST_IN_FLIGHT + 1):
