@@ -9,6 +9,7 @@ import pytest
 from protocol.engine import OpenWork
 from protocol.events import (
     Alarm,
+    BatchFailed,
     BatchReceived,
     BatchSent,
     LinkLost,
@@ -223,6 +224,17 @@ def test_a_state_that_is_sent_says_how_long_the_newest_batch_took(tmp_path: Path
         bench.tell(BatchReceived(7), StateReported("run", {"x": 1.0}))
         (message,) = messages(reader.take(asyncio.get_running_loop().time()))
         assert (message["data"]["ack_s"], message["data"]["batch_s"]) == (0.25, None)
+        await bench.close()
+
+    run_simulated(main())
+
+
+def test_a_batch_that_failed_says_nothing_of_how_long_one_takes(tmp_path: Path) -> None:
+    async def main() -> None:
+        bench = Bench(tmp_path)
+        await bench.connected()
+        bench.tell(BatchSent(7, 1), BatchFailed(7, "stop", None, "stopped by hand"), BatchReceived(7))
+        assert bench.machine.metrics.ack_latency.count == 0
         await bench.close()
 
     run_simulated(main())
